@@ -1,0 +1,123 @@
+//! The math façade: every function that `core` lacks, in one place.
+//!
+//! `libm` on every target, the host included, so that a host test tests what the device computes, bit for bit (no fused
+//! multiply-add is ever introduced behind our back). Accuracy of the functions here: at most 1.1 ulp (CRAFT measurements).
+//!
+//! Pixel loops do not call [`sqrt`]: an out-of-line call stops the compiler from vectorising. They use [`inv_sqrt`], which
+//! is plain arithmetic that vectorises on every target.
+
+/// Square root; NaN for negative input. Correctly rounded.
+#[inline]
+#[must_use]
+pub fn sqrt(x: f32) -> f32 {
+    libm::sqrtf(x)
+}
+
+/// Square root in double precision.
+#[inline]
+#[must_use]
+pub fn sqrt_f64(x: f64) -> f64 {
+    libm::sqrt(x)
+}
+
+/// `1 / sqrt(x)` by the bit-shift estimate and three Newton steps: at most 3 ulp for normal positive `x`.
+///
+/// NaN in gives NaN out; zero, infinite and negative input give a meaningless (but defined) number: guard before the call.
+#[inline(always)]
+#[must_use]
+pub fn inv_sqrt(x: f32) -> f32 {
+    let half = 0.5 * x;
+    let mut y = f32::from_bits(0x5f37_5a86_u32.wrapping_sub(x.to_bits() >> 1));
+    y *= 1.5 - half * y * y;
+    y *= 1.5 - half * y * y;
+    // The last step in residual form, so that rounding of the large terms cancels.
+    y + y * (0.5 - half * y * y)
+}
+
+/// Sine of an angle in radians.
+#[inline]
+#[must_use]
+pub fn sin(x: f32) -> f32 {
+    libm::sinf(x)
+}
+
+/// Cosine of an angle in radians.
+#[inline]
+#[must_use]
+pub fn cos(x: f32) -> f32 {
+    libm::cosf(x)
+}
+
+/// Tangent of an angle in radians.
+#[inline]
+#[must_use]
+pub fn tan(x: f32) -> f32 {
+    libm::tanf(x)
+}
+
+/// Angle of the vector (x, y) in radians, in (-π, π].
+#[inline]
+#[must_use]
+pub fn atan2(y: f32, x: f32) -> f32 {
+    libm::atan2f(y, x)
+}
+
+/// Arc cosine in radians; the argument is clamped to [-1, 1], so a dot product of unit vectors can't give NaN.
+#[inline]
+#[must_use]
+pub fn acos(x: f32) -> f32 {
+    libm::acosf(x.clamp(-1.0, 1.0))
+}
+
+/// e to the power `x`.
+#[inline]
+#[must_use]
+pub fn exp(x: f32) -> f32 {
+    libm::expf(x)
+}
+
+/// Largest integer not above `x`.
+#[inline]
+#[must_use]
+pub fn floor(x: f32) -> f32 {
+    libm::floorf(x)
+}
+
+/// Smallest integer not below `x`.
+#[inline]
+#[must_use]
+pub fn ceil(x: f32) -> f32 {
+    libm::ceilf(x)
+}
+
+/// Nearest integer, halves away from zero.
+#[inline]
+#[must_use]
+pub fn round(x: f32) -> f32 {
+    libm::roundf(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inv_sqrt_is_within_three_ulp_of_the_f64_value() {
+        let mut worst = 0.0_f64;
+        // Every 97th normal positive f32 bit pattern: all exponents, all mantissa regions.
+        for bits in (0x0080_0000_u32..0x7f80_0000).step_by(97) {
+            let x = f32::from_bits(bits);
+            let exact = 1.0 / f64::from(x).sqrt();
+            let ulp = exact * f64::from(f32::EPSILON);
+            worst = worst.max(((f64::from(inv_sqrt(x)) - exact) / ulp).abs());
+        }
+        assert!(worst <= 3.0, "worst error {worst} ulp");
+    }
+
+    #[test]
+    fn acos_of_rounded_unit_dot_products_is_a_number() {
+        assert_eq!(acos(1.000_000_1), 0.0);
+        assert!((acos(-1.000_000_1) - core::f32::consts::PI).abs() < 1e-6);
+        assert!(acos(f32::NAN).is_nan());
+    }
+}

@@ -1,0 +1,9 @@
+//! The ground floor: storage and numbers, knowing nothing of cameras.
+//!
+//! [`geometry`] has rays, planes and boxes; [`image`] holds pixels (owned in fixed arrays, or borrowed with a stride); [`units`] holds time; [`math`] is the one
+//! file that names `libm`.
+
+pub mod geometry;
+pub mod image;
+pub mod math;
+pub mod units;

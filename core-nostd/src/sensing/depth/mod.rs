@@ -1,0 +1,205 @@
+//! Depth values: what is a reading, in which unit, how sure, and what a hole means.
+//!
+//! [`DepthSample`] is the one place that decides validity. A depth image holds `u16` in any unit (the form of nearly every
+//! sensor, two bytes a pixel) or `f32` (simulators, stereo, learned depth); every algorithm of the crate takes both and
+//! computes the same thing from `n` and from `n as f32`.
+//!
+//! Formats of the outside world become this form in [`decode`]; [`confidence`] says how sensors express doubt; [`noise`]
+//! how large an error to expect; [`HolePolicy`] what to do where nothing was measured.
+
+pub mod confidence;
+pub mod decode;
+pub mod noise;
+
+use core::fmt;
+
+use crate::ground::image::Image;
+
+/// A depth image in fixed storage: `u16` in a unit that travels with the frame, 0 for "no reading". `2 * W * H` bytes.
+pub type DepthArray<const W: usize, const H: usize> = Image<u16, W, H>;
+
+/// Metres per one step of a depth value.
+///
+/// ```
+/// use isobath::sensing::depth::DepthUnit;
+/// assert_eq!(DepthUnit::MILLIMETRE.metres(), 0.001);
+/// assert!(DepthUnit::new(0.0).is_err());
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub struct DepthUnit(f32);
+
+/// A depth unit that is not a positive, finite number of metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthUnitError(f32);
+
+impl fmt::Display for DepthUnitError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "depth unit {} is not a positive, finite number of metres per step (millimetres: 0.001)", self.0)
+    }
+}
+
+impl core::error::Error for DepthUnitError {}
+
+impl DepthUnit {
+    /// Values are metres (`f32` depth).
+    pub const METRE: Self = Self(1.0);
+    /// Values are millimetres: Kinect, ARCore, Android DEPTH16, most PNG recordings.
+    pub const MILLIMETRE: Self = Self(0.001);
+    /// Values are tenths of a millimetre: Intel D405.
+    pub const TENTH_MILLIMETRE: Self = Self(0.000_1);
+    /// Values are quarters of a millimetre: Intel L515.
+    pub const QUARTER_MILLIMETRE: Self = Self(0.000_25);
+    /// Values are 1/5000 m: the TUM RGB-D data set.
+    pub const TUM: Self = Self(0.000_2);
+
+    /// From metres per step.
+    ///
+    /// # Errors
+    /// [`DepthUnitError`] unless `metres` is a positive normal number.
+    pub const fn new(metres: f32) -> Result<Self, DepthUnitError> {
+        if metres.is_normal() && metres > 0.0 { Ok(Self(metres)) } else { Err(DepthUnitError(metres)) }
+    }
+
+    /// Metres per step.
+    #[must_use]
+    pub const fn metres(self) -> f32 {
+        self.0
+    }
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for u16 {}
+    impl Sealed for f32 {}
+}
+
+/// One value of a depth image: `u16` or `f32`, in units of a [`DepthUnit`].
+///
+/// | type | no reading |
+/// |---|---|
+/// | `u16` | 0, and 65535 (what a saturated converter gives) |
+/// | `f32` | NaN, infinities, zero, negative |
+pub trait DepthSample: Copy + PartialEq + PartialOrd + fmt::Debug + Send + Sync + 'static + sealed::Sealed {
+    /// The value that means "no reading".
+    const HOLE: Self;
+    /// Larger than every valid value: the start of a search for the minimum.
+    const ABOVE_ALL: Self;
+
+    /// Whether the value is a reading.
+    fn is_valid(self) -> bool;
+
+    /// Depth in metres; exactly 0 where there is no reading (or where the product is not finite).
+    fn metres(self, unit: DepthUnit) -> f32;
+
+    /// The value as a number, whatever it means; NaN for a `u16` that is no reading.
+    fn number(self) -> f32;
+
+    /// The nearest value to `z` metres; [`Self::HOLE`] when `z` is not a valid depth or can't be held in this unit.
+    fn from_metres(z: f32, unit: DepthUnit) -> Self;
+}
+
+impl DepthSample for u16 {
+    const HOLE: Self = 0;
+    const ABOVE_ALL: Self = Self::MAX;
+
+    #[inline(always)]
+    fn is_valid(self) -> bool {
+        // 0 wraps to the top and 65535 - 1 is the top: one comparison for both.
+        self.wrapping_sub(1) < Self::MAX - 1
+    }
+
+    #[inline(always)]
+    fn metres(self, unit: DepthUnit) -> f32 {
+        if self.is_valid() { f32::from(self) * unit.0 } else { 0.0 }
+    }
+
+    #[inline(always)]
+    fn number(self) -> f32 {
+        if self.is_valid() { f32::from(self) } else { f32::NAN }
+    }
+
+    #[inline]
+    fn from_metres(z: f32, unit: DepthUnit) -> Self {
+        let steps = z / unit.0 + 0.5;
+        if steps >= 1.0 && steps < f32::from(Self::MAX) { steps as Self } else { 0 }
+    }
+}
+
+impl DepthSample for f32 {
+    const HOLE: Self = 0.0;
+    const ABOVE_ALL: Self = Self::INFINITY;
+
+    #[inline(always)]
+    fn is_valid(self) -> bool {
+        self > 0.0 && self < Self::INFINITY
+    }
+
+    #[inline(always)]
+    fn metres(self, unit: DepthUnit) -> f32 {
+        let z = self * unit.0;
+        if z > 0.0 && z < Self::INFINITY { z } else { 0.0 }
+    }
+
+    #[inline(always)]
+    fn number(self) -> f32 {
+        self
+    }
+
+    #[inline]
+    fn from_metres(z: f32, unit: DepthUnit) -> Self {
+        let value = z / unit.0;
+        if value.is_valid() { value } else { 0.0 }
+    }
+}
+
+/// What a pixel without a reading means to a feature. Each feature states its default; the published systems contradict
+/// each other here, so it is always the caller's to choose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum HolePolicy {
+    /// Nothing is known there: the answer says so (the default everywhere unless a feature says otherwise).
+    #[default]
+    Unknown,
+    /// Something is there: the cautious choice for collision and walking.
+    Solid,
+    /// Nothing is there: the choice for particles and effects that would rather go on.
+    Free,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_u16_is_a_reading_but_two() {
+        for v in 0..=u16::MAX {
+            assert_eq!(v.is_valid(), v != 0 && v != u16::MAX, "{v}");
+            assert_eq!(v.metres(DepthUnit::MILLIMETRE) > 0.0, v.is_valid(), "{v}");
+            if v.is_valid() {
+                for unit in [DepthUnit::MILLIMETRE, DepthUnit::TUM, DepthUnit::QUARTER_MILLIMETRE] {
+                    assert_eq!(u16::from_metres(v.metres(unit), unit), v);
+                    assert_eq!(f32::from(v).metres(unit), v.metres(unit));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_depth_becomes_a_hole() {
+        for z in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -1.0, 65.535, 1e30, 1e-30] {
+            assert_eq!(u16::from_metres(z, DepthUnit::MILLIMETRE), 0, "{z}");
+        }
+        for z in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, -1.0] {
+            assert!(!z.is_valid());
+            assert_eq!(z.metres(DepthUnit::METRE), 0.0);
+        }
+        let huge = DepthUnit::new(1e30).unwrap();
+        assert_eq!(1e30_f32.metres(huge), 0.0, "a product that overflows is no depth");
+    }
+
+    #[test]
+    fn units_must_be_positive_numbers() {
+        for bad in [0.0, -0.001, f32::NAN, f32::INFINITY, 1e-40] {
+            assert!(DepthUnit::new(bad).is_err(), "{bad}");
+        }
+    }
+}

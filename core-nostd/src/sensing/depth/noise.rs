@@ -1,0 +1,48 @@
+//! How large an error to expect of a reading: the error bar's source.
+//!
+//! sigma(z) = constant + linear z + quadratic z^2, and the unit's rounding (unit / sqrt 12) added in squares. Triangulating
+//! sensors (structured light, stereo) grow with z^2, time of flight roughly with z.
+
+use crate::ground::math;
+use crate::sensing::depth::DepthUnit;
+
+/// Standard deviation of depth as a polynomial of depth.
+///
+/// ```
+/// use isobath::sensing::depth::{noise::DepthNoise, DepthUnit};
+/// let sigma = DepthNoise::KINECT.sigma(2.0, DepthUnit::MILLIMETRE);
+/// assert!((sigma - 0.0057).abs() < 1e-4); // 5.7 mm at 2 m
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthNoise {
+    /// Metres.
+    pub constant: f32,
+    /// Metres per metre.
+    pub linear: f32,
+    /// Metres per metre squared.
+    pub quadratic: f32,
+}
+
+impl DepthNoise {
+    /// No noise but the unit's rounding.
+    pub const NONE: Self = Self { constant: 0.0, linear: 0.0, quadratic: 0.0 };
+    /// Structured light as in Kinect v1: 1.425e-3 z^2 (Khoshelham and Elberink 2012, doi 10.3390/s120201437).
+    pub const KINECT: Self = Self { constant: 0.0, linear: 0.0, quadratic: 1.425e-3 };
+    /// A typical phone or headset time-of-flight sensor: 2 mm and 0.5 % of depth.
+    pub const TIME_OF_FLIGHT: Self = Self { constant: 0.002, linear: 0.005, quadratic: 0.0 };
+
+    /// Standard deviation in metres at depth `z` metres, with values rounded to `unit`.
+    #[must_use]
+    pub fn sigma(&self, z: f32, unit: DepthUnit) -> f32 {
+        let model = self.constant + z * (self.linear + z * self.quadratic);
+        let rounding = unit.metres() * 0.288_675_13;
+        math::sqrt(model * model + rounding * rounding)
+    }
+}
+
+impl Default for DepthNoise {
+    /// [`Self::KINECT`]: the cautious choice when the sensor is unknown.
+    fn default() -> Self {
+        Self::KINECT
+    }
+}
