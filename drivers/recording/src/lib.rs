@@ -1,0 +1,1 @@
+//! Depth recordings as sources. (The readers follow.)

@@ -1,0 +1,77 @@
+//! The traits that every source implements: live cameras, recordings, simulated scenes.
+
+use std::path::PathBuf;
+
+use isobath::glam::Vec3;
+use isobath::sensing::camera::Intrinsics;
+
+use crate::clock::Deadline;
+use crate::error::SourceError;
+use crate::frame::OwnedFrame;
+
+/// What came of asking for a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+#[must_use]
+pub enum Outcome {
+    /// The frame is filled.
+    Frame,
+    /// There are no more frames; the frame is left as it was. Asking again gives the same answer.
+    EndOfStream,
+    /// The deadline passed first; the frame is left as it was. The stream is unharmed: ask again.
+    TimedOut,
+}
+
+/// What a source is, and what it will give.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SourceInfo {
+    /// The kind, in a few words: "TUM RGB-D folder", "Intel RealSense D435".
+    pub kind: String,
+    /// Where it was opened.
+    pub path: PathBuf,
+    /// Width and height of the depth images, when known before the first frame.
+    pub size: Option<(usize, usize)>,
+    /// The depth camera's pinhole; a frame's own intrinsics are what counts.
+    pub intrinsics: Intrinsics,
+    /// Which way is up in the world of the poses (unit length), when known.
+    pub up: Option<Vec3>,
+    /// Whether frames may carry colour.
+    pub has_colour: bool,
+    /// Whether frames may carry poses.
+    pub has_poses: bool,
+    /// What a user should know: what was assumed, what is missing.
+    pub notes: Vec<String>,
+}
+
+/// A stream of depth frames. Object-safe: programs hold a `Box<dyn DepthSource>`.
+pub trait DepthSource {
+    /// What the source is.
+    fn info(&self) -> &SourceInfo;
+
+    /// Fills `frame` with the next one, waiting until `deadline` at most. Buffers in `frame` are reused.
+    ///
+    /// # Errors
+    /// [`SourceError`]; unless it [is terminal](SourceError::is_terminal), the next call goes on with the next frame. After an
+    /// error the content of `frame` is unspecified.
+    fn next_into(&mut self, frame: &mut OwnedFrame, deadline: Deadline) -> Result<Outcome, SourceError>;
+}
+
+/// A source that ends and can be read in any order.
+pub trait Recording: DepthSource {
+    /// Frames there are.
+    fn len(&self) -> usize;
+
+    /// Whether there are none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The frame that the next call of [`DepthSource::next_into`] gives, counted from 0; [`Self::len`] at the end.
+    fn position(&self) -> usize;
+
+    /// Makes `index` (from 0) the next frame; `len()` is the end.
+    ///
+    /// # Errors
+    /// [`SourceError::OutOfRange`] beyond the end; the position is kept.
+    fn seek(&mut self, index: usize) -> Result<(), SourceError>;
+}
