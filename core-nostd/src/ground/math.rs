@@ -34,6 +34,17 @@ pub fn inv_sqrt(x: f32) -> f32 {
     y + y * (0.5 - half * y * y)
 }
 
+/// `1 / sqrt(x)` to 8e-7 relative, in two steps: the first with constants tuned for the least error (Moroz et al. 2018,
+/// "Fast calculation of inverse square root with the use of magic constant"), the second Newton's. For directions, whose
+/// length may be off in the seventh digit; else [`inv_sqrt`], whose limits it shares.
+#[inline(always)]
+#[must_use]
+pub fn inv_sqrt_fast(x: f32) -> f32 {
+    let y = f32::from_bits(0x5f1f_fff9_u32.wrapping_sub(x.to_bits() >> 1));
+    let y = y * (0.703_952_25 * (2.389_244_6 - x * y * y));
+    y + y * (0.5 - 0.5 * x * y * y)
+}
+
 /// Sine of an angle in radians.
 #[inline]
 #[must_use]
@@ -112,6 +123,16 @@ mod tests {
             worst = worst.max(((f64::from(inv_sqrt(x)) - exact) / ulp).abs());
         }
         assert!(worst <= 3.0, "worst error {worst} ulp");
+    }
+
+    #[test]
+    fn fast_inv_sqrt_is_within_its_bound() {
+        let mut worst = 0.0_f64;
+        for bits in (0x0080_0000_u32..0x7f80_0000).step_by(97) {
+            let x = f32::from_bits(bits);
+            worst = worst.max((f64::from(inv_sqrt_fast(x)) * f64::from(x).sqrt() - 1.0).abs());
+        }
+        assert!(worst <= 8e-7, "worst relative error {worst:e}");
     }
 
     #[test]

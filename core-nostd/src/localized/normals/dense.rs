@@ -176,7 +176,7 @@ struct Ring<'a> {
 
 impl<'a> Ring<'a> {
     fn new(storage: &'a mut [f32], padded: usize) -> Self {
-        storage.fill(f32::NAN);
+        storage.fill(exact::HOLE);
         let mut chunks = storage.chunks_mut(padded);
         Self { rows: core::array::from_fn(|_| chunks.next().unwrap_or_default()) }
     }
@@ -187,7 +187,7 @@ impl<'a> Ring<'a> {
         let Some(row) = self.rows.last_mut() else { return };
         let source = frame.depth().row(y);
         if source.is_empty() {
-            row.fill(f32::NAN);
+            row.fill(exact::HOLE);
             return;
         }
         let mut valid = 0_u32;
@@ -225,8 +225,14 @@ fn cross_row<D: DepthSample>(frame: &DepthFrame<'_, D>, y: usize, window: &[&[f3
     {
         let h = exact::slope(l2, l1, c, r1, r2);
         let v = exact::slope(u2, u1, c, d1, d2);
-        [*nx, *ny, *nz] = facing(c, h.value, v.value, i as f32 - cx, dy, fx, fy);
-        *res = exact::residual(c, h.curvature, v.curvature, unit);
+        // `as i32`: the conversion from 64-bit integers has no vector form.
+        let [x, y, z] = facing(c, h.value, v.value, i as i32 as f32 - cx, dy, fx, fy);
+        let real = exact::is_real(c, h, v);
+        *nx = if real { x } else { f32::NAN };
+        *ny = if real { y } else { f32::NAN };
+        *nz = if real { z } else { f32::NAN };
+        let r = exact::residual(c, h.curvature, v.curvature, unit);
+        *res = if real { r } else { f32::NAN };
     }
 }
 

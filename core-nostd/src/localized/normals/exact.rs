@@ -6,58 +6,65 @@ use super::{NormalEstimate, facing};
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
+/// Inverse depth of a hole: far above every real one, so that differences with it are never the smallest, and finite, so
+/// that no comparison meets a NaN (which would cost a select each).
+pub(super) const HOLE: f32 = 1e30;
+/// Inverse depths and their differences below this are real.
+const REAL: f32 = 1e20;
+
 /// Slope of inverse depth along one axis, and the second difference of the three pixels it was taken from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slope {
-    /// Change of inverse depth per pixel; NaN when no neighbour has a reading.
+    /// Change of inverse depth per pixel; at least [`REAL`] in size when no neighbour has a reading.
     pub(super) value: f32,
-    /// Size of the second difference of inverse depth; 0 when only two pixels have readings; NaN with `value`.
+    /// Size of the second difference of inverse depth; 0 when only two pixels have readings.
     pub(super) curvature: f32,
 }
 
-/// Slope at the middle of five inverse depths in a line; NaN marks a hole.
+/// Slope at the middle of five inverse depths in a line.
 ///
 /// Three candidates: the last three, the middle three, the next three pixels. The one whose second difference is smallest
-/// lies on one surface. A comparison with NaN is false, so candidates with holes drop out by themselves.
+/// lies on one surface, and a parabola through it has this slope.
 #[inline(always)]
 pub(super) fn slope(l2: f32, l1: f32, c: f32, r1: f32, r2: f32) -> Slope {
-    let (ll, l, r, rr) = (l1 - l2, c - l1, r1 - c, r2 - r1);
-    let (bend_l, bend_c, bend_r) = (l - ll, r - l, rr - r);
-    // Two pixels only: straight by definition, but never preferred to three that agree.
-    let pair = if l.is_nan() { r } else { l };
-    let mut value = pair;
-    let mut least = f32::INFINITY;
-    let mut curvature = if pair.is_nan() { f32::NAN } else { 0.0 };
-    let size = bend_c.abs();
-    if size < least {
-        (value, curvature, least) = (0.5 * (l + r), size, size);
-    }
-    let size = bend_l.abs();
-    if size < least {
-        (value, curvature, least) = (l + 0.5 * bend_l, size, size);
-    }
-    let size = bend_r.abs();
-    if size < least {
-        (value, curvature) = (r - 0.5 * bend_r, size);
-    }
-    Slope { value, curvature }
+    let (l, r) = (c - l1, r1 - c);
+    let before = l - (l1 - l2);
+    let after = (r2 - r1) - r;
+    let mut bend = r - l;
+    bend = if before.abs() < bend.abs() { before } else { bend };
+    let right = after.abs() < bend.abs();
+    bend = if right { -after } else { bend };
+    let base = if right { r } else { l };
+    // Where no three have readings, the nearer of the two neighbours.
+    let pair = if l.abs() < r.abs() { l } else { r };
+    let three = bend.abs() < REAL;
+    Slope { value: if three { base + 0.5 * bend } else { pair }, curvature: if three { bend.abs() } else { 0.0 } }
 }
 
-/// Inverse of a depth value in its own units; NaN for a hole. The unit cancels in the normal.
+/// Whether there is a normal: a reading at the centre and a neighbour on either axis.
+#[inline(always)]
+pub(super) fn is_real(c: f32, h: Slope, v: Slope) -> bool {
+    (c < REAL) & (h.value.abs() < REAL) & (v.value.abs() < REAL)
+}
+
+/// Inverse of a depth value in its own units; [`HOLE`] for a hole. The unit cancels in the normal.
 #[inline(always)]
 pub(super) fn inverse<D: DepthSample>(value: D) -> f32 {
-    if value.is_valid() { 1.0 / value.number() } else { f32::NAN }
+    if value.is_valid() { 1.0 / value.number() } else { HOLE }
 }
 
 /// The single-point form.
 pub(super) fn at<D: DepthSample>(frame: &DepthFrame<'_, D>, x: usize, y: usize) -> Option<NormalEstimate> {
     let depth = frame.depth();
     let (xi, yi) = (i32::try_from(x).ok()?, i32::try_from(y).ok()?);
-    let w = |dx: i32, dy: i32| depth.get_signed(xi + dx, yi + dy).map_or(f32::NAN, inverse);
+    let w = |dx: i32, dy: i32| depth.get_signed(xi + dx, yi + dy).map_or(HOLE, inverse);
     let c = w(0, 0);
     let h = slope(w(-2, 0), w(-1, 0), c, w(1, 0), w(2, 0));
     let v = slope(w(0, -2), w(0, -1), c, w(0, 1), w(0, 2));
     let k = frame.intrinsics();
+    if !is_real(c, h, v) {
+        return None;
+    }
     let n = facing(c, h.value, v.value, x as f32 - k.cx(), y as f32 - k.cy(), k.fx(), k.fy());
     let normal = Vec3::from(n);
     normal.is_finite().then(|| NormalEstimate {

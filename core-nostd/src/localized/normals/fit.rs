@@ -1,29 +1,32 @@
 //! The wide fit: least squares of inverse depth over the pixels around a point that lie on its surface.
+//!
+//! 960 bytes of stack. Sums run in four lanes over rows padded to whole lanes, so that they vectorise without reordering
+//! anything the compiler may not reorder.
 
 use glam::Vec3;
 
-use super::{NormalEstimate, facing};
+use super::exact::inverse;
+use super::{MAX_RADIUS, NormalEstimate, facing};
 use crate::ground::math;
-use crate::localized::normals::exact::inverse;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
-/// Sums of a two-variable least-squares fit, coordinates and values relative to the centre.
-#[derive(Default)]
-struct Sums {
-    n: f32,
-    x: f32,
-    y: f32,
-    xx: f32,
-    xy: f32,
-    yy: f32,
-    w: f32,
-    xw: f32,
-    yw: f32,
-    ww: f32,
+const LANES: usize = 4;
+/// Chunks of four that hold the widest row.
+const CHUNKS: usize = (2 * MAX_RADIUS as usize + 1).div_ceil(LANES);
+const ROWS: usize = 2 * MAX_RADIUS as usize + 1;
+
+/// Inverse depth relative to the centre's (0 at the centre, NaN in holes), so that the sums lose no digits.
+struct Patch {
+    w: [[[f32; LANES]; CHUNKS]; ROWS],
+    rows: usize,
+    chunks: usize,
+    /// Offset of the first pixel from the centre.
+    dx: f32,
+    dy: f32,
 }
 
-/// Inverse depth relative to the centre's: value at the centre, slopes, RMS residual.
+/// Value at the centre, slopes, RMS residual, pixels.
 #[derive(Clone, Copy)]
 struct Fit {
     c: f32,
@@ -33,35 +36,82 @@ struct Fit {
     n: f32,
 }
 
-impl Sums {
-    fn add(&mut self, x: f32, y: f32, w: f32) {
-        self.n += 1.0;
-        self.x += x;
-        self.y += y;
-        self.xx += x * x;
-        self.xy += x * y;
-        self.yy += y * y;
-        self.w += w;
-        self.xw += x * w;
-        self.yw += y * w;
-        self.ww += w * w;
+impl Patch {
+    fn gather<D: DepthSample>(frame: &DepthFrame<'_, D>, x: usize, y: usize, radius: u8) -> Option<Self> {
+        let depth = frame.depth();
+        let centre = depth.get(x, y).filter(|v| v.is_valid())?.number();
+        let r = usize::from(radius);
+        let (x0, y0) = (x.saturating_sub(r), y.saturating_sub(r));
+        let window = depth.crop(x0, y0, x + r + 1 - x0, y + r + 1 - y0);
+        let mut patch = Self {
+            w: [[[f32::NAN; LANES]; CHUNKS]; ROWS],
+            rows: window.height(),
+            chunks: window.width().div_ceil(LANES),
+            dx: x0 as f32 - x as f32,
+            dy: y0 as f32 - y as f32,
+        };
+        for (line, row) in patch.w.iter_mut().zip(window.rows()) {
+            for (w, &value) in line.as_flattened_mut().iter_mut().zip(row) {
+                if value.is_valid() {
+                    *w = inverse(value) * centre - 1.0;
+                }
+            }
+        }
+        Some(patch)
     }
 
-    /// `None` when the points do not span a plane.
-    fn solve(&self) -> Option<Fit> {
-        let n = self.n;
+    /// Least squares over the pixels within `base + per_pixel * distance` of the plane (c, a, b); `None` when they do not
+    /// span a plane.
+    fn solve(&self, (c, a, b): (f32, f32, f32), base: f32, per_pixel: f32) -> Option<Fit> {
+        let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let (mut w, mut xw, mut yw, mut ww) = (0.0, 0.0, 0.0, 0.0);
+        for (j, line) in self.w.iter().take(self.rows).enumerate() {
+            let dy = self.dy + j as f32;
+            let mut sums = [[0.0_f32; LANES]; 6];
+            for (i, chunk) in line.iter().take(self.chunks).enumerate() {
+                let from = self.dx + (LANES * i) as f32;
+                let [s0, sx, sxx, sw, sxw, sww] = &mut sums;
+                for lane in 0..LANES {
+                    // Constant bounds: the checks vanish.
+                    #[expect(clippy::indexing_slicing, reason = "lane < LANES, the length of every array here")]
+                    {
+                        let dx = from + lane as f32;
+                        let value = chunk[lane];
+                        let distance = if dx.abs() > dy.abs() { dx.abs() } else { dy.abs() };
+                        let distance = if distance > 1.0 { distance } else { 1.0 };
+                        // False for NaN: holes and padding drop out.
+                        let keep = (value - c - a * dx - b * dy).abs() <= base + per_pixel * distance;
+                        let one = if keep { 1.0 } else { 0.0 };
+                        let value = if keep { value } else { 0.0 };
+                        s0[lane] += one;
+                        sx[lane] += one * dx;
+                        sxx[lane] += one * dx * dx;
+                        sw[lane] += value;
+                        sxw[lane] += value * dx;
+                        sww[lane] += value * value;
+                    }
+                }
+            }
+            let [s0, sx, sxx, sw, sxw, sww] = sums.map(|[p, q, r, s]| (p + q) + (r + s));
+            n += s0;
+            x += sx;
+            y += s0 * dy;
+            xx += sxx;
+            xy += sx * dy;
+            yy += s0 * dy * dy;
+            w += sw;
+            xw += sxw;
+            yw += sw * dy;
+            ww += sww;
+        }
         if n < 3.0 {
             return None;
         }
-        let (mx, my, mw) = (self.x / n, self.y / n, self.w / n);
-        let xx = self.xx - n * mx * mx;
-        let xy = self.xy - n * mx * my;
-        let yy = self.yy - n * my * my;
-        let xw = self.xw - n * mx * mw;
-        let yw = self.yw - n * my * mw;
-        let ww = self.ww - n * mw * mw;
+        let (mx, my, mw) = (x / n, y / n, w / n);
+        let (xx, xy, yy) = (xx - n * mx * mx, xy - n * mx * my, yy - n * my * my);
+        let (xw, yw, ww) = (xw - n * mx * mw, yw - n * my * mw, ww - n * mw * mw);
         let det = xx * yy - xy * xy;
-        // Integer pixel coordinates: a determinant below 1 means a line (exact zero, but for rounding).
+        // Pixel coordinates are integers: below this the pixels lie on a line (zero, but for rounding).
         if det < 0.5 {
             return None;
         }
@@ -72,8 +122,8 @@ impl Sums {
     }
 }
 
-/// Two passes: first the pixels within `max_step` of the centre's depth per pixel of distance, then those within 2.5
-/// standard deviations of the first fit, so that what the coarse rule let in across an edge drops out.
+/// First the pixels within `max_step` of the centre's depth per pixel of distance, then twice those within 2.5 standard
+/// deviations of the last fit, so that what the coarse rule let in across an edge drops out.
 pub(super) fn at<D: DepthSample>(
     frame: &DepthFrame<'_, D>,
     x: usize,
@@ -81,34 +131,11 @@ pub(super) fn at<D: DepthSample>(
     radius: u8,
     max_step: f32,
 ) -> Option<NormalEstimate> {
-    let depth = frame.depth();
-    let centre = inverse(depth.get(x, y)?);
-    let r = usize::from(radius);
-    let (x0, y0) = (x.saturating_sub(r), y.saturating_sub(r));
-    let window = depth.crop(x0, y0, x + r + 1 - x0, y + r + 1 - y0);
-    let offset = (x0 as f32 - x as f32, y0 as f32 - y as f32);
-    let gather = |keep: &dyn Fn(f32, f32, f32) -> bool| {
-        let mut sums = Sums::default();
-        for (j, row) in window.rows().enumerate() {
-            let dy = offset.1 + j as f32;
-            for (i, &value) in row.iter().enumerate() {
-                let dx = offset.0 + i as f32;
-                // Relative to the centre, in parts of it: small numbers, so the sums lose nothing.
-                let w = inverse(value) / centre - 1.0;
-                // False for holes: they are NaN.
-                if keep(dx, dy, w) {
-                    sums.add(dx, dy, w);
-                }
-            }
-        }
-        sums.solve()
-    };
-    let mut fit = gather(&|dx, dy, w| w.abs() <= max_step * dx.abs().max(dy.abs()).max(1.0))?;
+    let patch = Patch::gather(frame, x, y, radius.min(MAX_RADIUS))?;
+    let mut fit = patch.solve((0.0, 0.0, 0.0), 0.0, max_step)?;
     for _ in 0..2 {
-        // Rounding alone leaves this much even on a perfect plane.
-        let limit = 2.5 * fit.rms + 2e-6;
-        let Fit { c, a, b, .. } = fit;
-        match gather(&|dx, dy, w| (w - c - a * dx - b * dy).abs() <= limit) {
+        // Rounding alone leaves 2e-6 even on a perfect plane.
+        match patch.solve((fit.c, fit.a, fit.b), 2.5 * fit.rms + 2e-6, 0.0) {
             Some(better) => fit = better,
             None => break,
         }

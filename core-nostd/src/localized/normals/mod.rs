@@ -53,7 +53,7 @@ pub struct NormalParams {
 }
 
 /// Largest [`NormalParams::radius`].
-pub const MAX_RADIUS: u8 = 15;
+pub const MAX_RADIUS: u8 = 7;
 
 impl Default for NormalParams {
     fn default() -> Self {
@@ -103,13 +103,11 @@ pub fn normal_at<D: DepthSample>(
         return None;
     }
     match params.method {
-        NormalMethod::Exact => {
-            let seed = exact::at(frame, x, y)?;
-            match params.radius.min(MAX_RADIUS) {
-                0 => Some(seed),
-                radius => Some(fit::at(frame, x, y, radius, params.max_step.unwrap_or(0.1)).unwrap_or(seed)),
-            }
+        NormalMethod::Exact if params.radius > 0 => {
+            // Where the fit finds no plane, the cross may still find one (a thin strip).
+            fit::at(frame, x, y, params.radius, params.max_step.unwrap_or(0.1)).or_else(|| exact::at(frame, x, y))
         }
+        NormalMethod::Exact => exact::at(frame, x, y),
         NormalMethod::Paper => paper::at(frame, x, y, params),
     }
 }
@@ -122,7 +120,7 @@ fn facing(w: f32, a: f32, b: f32, dx: f32, dy: f32, fx: f32, fy: f32) -> [f32; 3
     let nx = -fx * a;
     let ny = -fy * b;
     let nz = a * dx + b * dy - w;
-    let scale = crate::ground::math::inv_sqrt(nx * nx + ny * ny + nz * nz);
+    let scale = crate::ground::math::inv_sqrt_fast(nx * nx + ny * ny + nz * nz);
     [nx * scale, ny * scale, nz * scale]
 }
 
