@@ -1,1 +1,137 @@
-fn main() {}
+//! `cargo xtask VERB`: the one entry point for isobath's checks, data and documents, the same on a desk and in CI.
+//!
+//! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`fuzz`] and
+//! [`motorcycle`] are the verbs with more than one command behind them.
+
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+
+mod fuzz;
+mod motorcycle;
+mod proof;
+mod shell;
+mod suites;
+
+use shell::Cmd;
+
+/// A verb: its name, its arguments, one line of help, more help, what it does.
+struct Verb {
+    name: &'static str,
+    arguments: &'static str,
+    summary: &'static str,
+    details: &'static str,
+    run: fn(Vec<String>) -> Result<()>,
+}
+
+const VERBS: &[Verb] = &[
+    Verb {
+        name: "check",
+        arguments: "",
+        summary: "the quick loop before every commit: format, clippy, tests",
+        details: "Runs the suites marked `check` in `cargo xtask test --list`. Under three minutes once built.",
+        run: suites::check,
+    },
+    Verb {
+        name: "test",
+        arguments: "[--only SUITE]... [--list] [--allow-missing] [--smoke SECONDS]",
+        summary: "everything CI runs; installs what it needs where it can",
+        details: "--only SUITE     only this suite (may be given several times)\n\
+                  --list           the suites, and what each does\n\
+                  --allow-missing  a suite that could not run (a tool is missing and can't be installed) is no failure\n\
+                  --smoke SECONDS  how long each fuzz target runs (default 20)\n\n\
+                  Ends with a table of suites and the line `N passed, N failed, N skipped`.",
+        run: suites::test,
+    },
+    Verb {
+        name: "fuzz",
+        arguments: "[TARGET]... [--seconds N] [--list]",
+        summary: "run fuzz targets (all, or those named) on a copy of their seed corpora",
+        details: "--seconds N  how long each target runs (default 60)\n\
+                  --list       the targets\n\n\
+                  Needs a nightly toolchain, cargo-fuzz and a C++ compiler, and installs them where it can. What a target finds\n\
+                  is written to fuzz/artifacts/TARGET/: minimise it (`cargo +nightly fuzz tmin TARGET FILE`) and put it into\n\
+                  fuzz/corpus/TARGET/, where the ordinary tests replay it.",
+        run: fuzz::verb,
+    },
+    Verb {
+        name: "proof",
+        arguments: "",
+        summary: "link the bare-metal proof image: no std, no allocator; print its sizes",
+        details: "Links tests/firmware/proof for each bare-metal target, then checks the check: with an `extern crate alloc` in\n\
+                  the tree the link must fail. Prints text, data and bss, and which panic symbols are in the image.",
+        run: |args| no_arguments(&args).and_then(|()| proof::run()),
+    },
+    Verb {
+        name: "bench",
+        arguments: "[-- CRITERION ARGUMENTS]",
+        summary: "cargo bench over the workspace",
+        details: "Times are for people: no check depends on them. Arguments are passed on to criterion, such as a filter.",
+        run: |args| {
+            let rest = args.iter().skip(usize::from(args.first().is_some_and(|a| a == "--")));
+            Cmd::new("cargo").args(["bench", "--workspace", "--benches", "--"]).args(rest).run()
+        },
+    },
+    Verb {
+        name: "docs",
+        arguments: "[--open]",
+        summary: "the API documentation, warnings as errors",
+        details: "--open  show it in a browser",
+        run: |args| {
+            let open = args.iter().any(|a| a == "--open");
+            suites::docs().args(open.then_some("--open")).run()
+        },
+    },
+    Verb {
+        name: "motorcycle",
+        arguments: "[--from DIR] [--out DIR]",
+        summary: "convert the Middlebury 2014 Motorcycle frame into data/motorcycle",
+        details: "--from DIR  read motorcycle_left.png and motorcycle_disp.npz there instead of downloading the PyPI package\n\
+                  --out DIR   where to write (default data/motorcycle)\n\n\
+                  Downloads scikit-image 0.18.3 with pip, checks its hash, and writes depth, colour, camera and their source.",
+        run: motorcycle::verb,
+    },
+];
+
+fn no_arguments(args: &[String]) -> Result<()> {
+    if let Some(first) = args.first() {
+        bail!("unexpected argument `{first}`");
+    }
+    Ok(())
+}
+
+fn overview() -> String {
+    let mut text = String::from("cargo xtask VERB: isobath's checks, data and documents\n\n");
+    for v in VERBS {
+        text += &format!("  {:<11} {}\n", v.name, v.summary);
+    }
+    text + "\n`cargo xtask VERB --help` says more about one.\n"
+}
+
+fn main() -> ExitCode {
+    let mut args = std::env::args().skip(1);
+    let Some(name) = args.next() else {
+        print!("{}", overview());
+        return ExitCode::SUCCESS;
+    };
+    if ["help", "--help", "-h"].contains(&name.as_str()) {
+        print!("{}", overview());
+        return ExitCode::SUCCESS;
+    }
+    let Some(verb) = VERBS.iter().find(|v| v.name == name) else {
+        eprint!("no verb `{name}`\n\n{}", overview());
+        return ExitCode::from(2);
+    };
+    let args: Vec<String> = args.collect();
+    if args.iter().take_while(|a| *a != "--").any(|a| a == "--help" || a == "-h") {
+        println!("cargo xtask {} {}\n\n{}\n\n{}", verb.name, verb.arguments, verb.summary, verb.details);
+        return ExitCode::SUCCESS;
+    }
+    match (verb.run)(args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask {name}: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

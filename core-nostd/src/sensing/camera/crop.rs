@@ -1,7 +1,7 @@
 //! How the pixels of a colour image and of its depth image correspond when depth is a scaled crop of colour's middle.
 //!
 //! Phones give 4:3 or 16:9 colour with depth of another aspect; the depth image then covers the middle of the colour
-//! image. s is the scale at which the colour image just covers the depth image, x_d + 1/2 = s (x_c + 1/2) - (s W_c - W_d) / 2,
+//! image. s is the scale at which the colour image just covers the depth image, `x_d + 1/2 = s (x_c + 1/2) - (s W_c - W_d) / 2`,
 //! y alike. (The half pixels belong to our convention of centres at integers; the API page leaves them out.) A colour
 //! pixel outside the crop has no depth: the answer is `None`, never a clamped neighbour.
 

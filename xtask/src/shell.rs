@@ -1,0 +1,185 @@
+//! Running programs, and getting the ones that are missing.
+//!
+//! The `ensure_*` functions return [`Missing`] when something is neither there nor to be had, with what it is for and the
+//! command that would get it; the suite runner tells that apart from a failure.
+
+use std::ffi::OsStr;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Once;
+
+use anyhow::{Context, Result, anyhow, bail};
+
+/// The repository.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf)
+}
+
+/// A tool that is not there and could not be installed.
+#[derive(Debug)]
+pub(crate) struct Missing {
+    what: String,
+    why: String,
+    how: String,
+}
+
+impl fmt::Display for Missing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is missing ({}); get it with: {}", self.what, self.why, self.how)
+    }
+}
+
+impl std::error::Error for Missing {}
+
+fn missing(what: &str, why: &str, how: &str) -> anyhow::Error {
+    anyhow!(Missing { what: what.into(), why: why.into(), how: how.into() })
+}
+
+/// A program to run, by default in the repository's root.
+#[derive(Debug)]
+pub(crate) struct Cmd {
+    command: Command,
+}
+
+impl Cmd {
+    /// A program found in PATH.
+    pub(crate) fn new(program: &str) -> Self {
+        let mut command = Command::new(program);
+        command.current_dir(root()).stdin(Stdio::null());
+        // What the `cargo run` that started xtask set would pin the toolchain of, and rebuild things in, the cargo that it starts.
+        for (name, _) in std::env::vars_os() {
+            let text = name.to_string_lossy();
+            let set_by_cargo = text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_");
+            if set_by_cargo
+                || ["CARGO", "RUSTUP_TOOLCHAIN", "RUST_RECURSION_COUNT", "LD_LIBRARY_PATH"].contains(&&*text)
+            {
+                command.env_remove(&name);
+            }
+        }
+        Self { command }
+    }
+
+    /// `cargo` of a named toolchain.
+    pub(crate) fn cargo_of(toolchain: &str) -> Self {
+        Self::new("rustup").args(["run", toolchain, "cargo"])
+    }
+
+    /// More arguments.
+    pub(crate) fn args<S: AsRef<OsStr>>(mut self, args: impl IntoIterator<Item = S>) -> Self {
+        self.command.args(args);
+        self
+    }
+
+    /// An environment variable.
+    pub(crate) fn env(mut self, name: &str, value: &str) -> Self {
+        self.command.env(name, value);
+        self
+    }
+
+    /// Another directory.
+    pub(crate) fn dir(mut self, dir: impl AsRef<Path>) -> Self {
+        self.command.current_dir(dir);
+        self
+    }
+
+    fn line(&self) -> String {
+        let words = std::iter::once(self.command.get_program()).chain(self.command.get_args());
+        words.map(|w| w.to_string_lossy()).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Runs it with its output shown; anything but success is an error.
+    pub(crate) fn run(mut self) -> Result<()> {
+        let line = self.line();
+        println!("$ {line}");
+        let status = self.command.status().with_context(|| format!("could not start `{line}`"))?;
+        if !status.success() {
+            bail!("`{line}` failed: {status}");
+        }
+        Ok(())
+    }
+
+    /// Runs it quietly; its success, standard output and standard error.
+    pub(crate) fn read(mut self) -> Result<(bool, String, String)> {
+        let line = self.line();
+        let out = self.command.output().with_context(|| format!("could not start `{line}`"))?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Ok((out.status.success(), text(&out.stdout), text(&out.stderr)))
+    }
+
+    /// Whether it can be started and succeeds.
+    fn succeeds(self) -> bool {
+        self.read().is_ok_and(|(ok, ..)| ok)
+    }
+}
+
+/// A compilation target of the default toolchain.
+pub(crate) fn ensure_target(target: &str, why: &str) -> Result<()> {
+    let (_, installed, _) = Cmd::new("rustup").args(["target", "list", "--installed"]).read().unwrap_or_default();
+    if installed.lines().any(|l| l == target) || Cmd::new("rustup").args(["target", "add", target]).run().is_ok() {
+        return Ok(());
+    }
+    // A toolchain without rustup may hold the target all the same.
+    if let Ok((true, dir, _)) = Cmd::new("rustc").args(["--print", "target-libdir", "--target", target]).read()
+        && Path::new(dir.trim()).is_dir()
+    {
+        return Ok(());
+    }
+    Err(missing(&format!("target {target}"), why, &format!("rustup target add {target}")))
+}
+
+/// A component of the default toolchain.
+pub(crate) fn ensure_component(component: &str, probe: &[&str], why: &str) -> Result<()> {
+    if Cmd::new("cargo").args(probe).succeeds()
+        || Cmd::new("rustup").args(["component", "add", component]).run().is_ok()
+    {
+        return Ok(());
+    }
+    Err(missing(component, why, &format!("rustup component add {component}")))
+}
+
+/// A nightly toolchain.
+pub(crate) fn ensure_nightly(why: &str) -> Result<()> {
+    let there = || Cmd::new("rustup").args(["run", "nightly", "rustc", "--version"]).succeeds();
+    let install = ["toolchain", "install", "nightly", "--profile", "minimal"];
+    if there() || (Cmd::new("rustup").args(install).run().is_ok() && there()) {
+        return Ok(());
+    }
+    Err(missing("a nightly toolchain", why, &format!("rustup {}", install.join(" "))))
+}
+
+/// A cargo subcommand from crates.io, at a known version.
+pub(crate) fn ensure_cargo_tool(name: &str, version: &str, probe: &[&str], why: &str) -> Result<()> {
+    let there = || Cmd::new("cargo").args(probe).succeeds();
+    let install = ["install", name, "--version", version, "--locked"];
+    if there() || (Cmd::new("cargo").args(install).run().is_ok() && there()) {
+        return Ok(());
+    }
+    Err(missing(name, why, &format!("cargo {}", install.join(" "))))
+}
+
+/// A program, or the Debian package that holds it (installed when we are root and there is apt).
+pub(crate) fn ensure_debian(program: &str, package: &str, why: &str) -> Result<()> {
+    static UPDATE: Once = Once::new();
+    let there = || Cmd::new("sh").args(["-c", &format!("command -v {program}")]).succeeds();
+    if there() {
+        return Ok(());
+    }
+    let root = Cmd::new("id").args(["-u"]).read().is_ok_and(|(_, id, _)| id.trim() == "0");
+    if root && Cmd::new("apt-get").args(["--version"]).succeeds() {
+        let apt = || Cmd::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive");
+        UPDATE.call_once(|| {
+            // A list that could not be refreshed may still hold the package.
+            let _ = apt().args(["update", "-qq"]).run();
+        });
+        let _ = apt().args(["install", "-y", "-qq", "--no-install-recommends", package]).run();
+    }
+    if there() {
+        return Ok(());
+    }
+    Err(missing(
+        program,
+        why,
+        &format!("apt-get install {package} (as root; elsewhere, the package that holds `{program}`)"),
+    ))
+}

@@ -1,0 +1,182 @@
+//! What `check` and `test` run, as a table.
+
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+
+use crate::proof::BARE_METAL;
+use crate::shell::{Cmd, Missing, ensure_component, ensure_target};
+use crate::{fuzz, proof};
+
+/// One row of the table: a name to pick it by, whether the quick loop has it, what it does, and how.
+struct Suite {
+    name: &'static str,
+    quick: bool,
+    what: &'static str,
+    run: fn(&Options) -> Result<()>,
+}
+
+struct Options {
+    only: Vec<String>,
+    allow_missing: bool,
+    smoke_seconds: u32,
+}
+
+const SUITES: &[Suite] = &[
+    Suite {
+        name: "fmt",
+        quick: true,
+        what: "every file is as rustfmt writes it",
+        run: |_| {
+            ensure_component("rustfmt", &["fmt", "--version"], "the format check")?;
+            Cmd::new("cargo").args(["fmt", "--all", "--check"]).run()?;
+            for manifest in ["fuzz/Cargo.toml", proof::MANIFEST] {
+                Cmd::new("cargo").args(["fmt", "--check", "--manifest-path", manifest]).run()?;
+            }
+            Ok(())
+        },
+    },
+    Suite {
+        name: "clippy",
+        quick: true,
+        what: "clippy over everything, warnings as errors",
+        run: |_| {
+            ensure_component("clippy", &["clippy", "--version"], "the lints")?;
+            Cmd::new("cargo").args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]).run()
+        },
+    },
+    Suite {
+        name: "tests",
+        quick: true,
+        what: "unit, integration and documentation tests; seed corpora replayed",
+        run: |_| Cmd::new("cargo").args(["test", "--workspace"]).run(),
+    },
+    Suite {
+        name: "numerics",
+        quick: false,
+        what: "the f64-oracle tests again on optimised code, where vectorised and fused arithmetic differ",
+        run: |_| {
+            Cmd::new("cargo")
+                .args(["test", "--release", "-p", "isobath", "-p", "isobath-tests", "--lib", "--tests"])
+                .run()
+        },
+    },
+    Suite { name: "docs", quick: false, what: "documentation builds without a broken link", run: |_| docs().run() },
+    Suite {
+        name: "bare-metal",
+        quick: false,
+        what: "the core compiles without an operating system",
+        run: |_| {
+            for target in BARE_METAL {
+                ensure_target(target, "building the core for devices")?;
+                Cmd::new("cargo").args(["build", "--release", "-p", "isobath", "--target", target]).run()?;
+            }
+            Ok(())
+        },
+    },
+    Suite {
+        name: "proof",
+        quick: false,
+        what: "an image without an allocator links, and one with `alloc` does not",
+        run: |_| proof::run(),
+    },
+    Suite {
+        name: "fuzz",
+        quick: false,
+        what: "every fuzz target runs for a while from its seeds",
+        run: |options| fuzz::run(&[], options.smoke_seconds),
+    },
+];
+
+/// The documentation build.
+pub(crate) fn docs() -> Cmd {
+    Cmd::new("cargo").args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings")
+}
+
+/// `cargo xtask check`.
+pub(crate) fn check(args: Vec<String>) -> Result<()> {
+    crate::no_arguments(&args)?;
+    run(SUITES.iter().filter(|s| s.quick), &Options { only: Vec::new(), allow_missing: false, smoke_seconds: 0 })
+}
+
+/// `cargo xtask test`.
+pub(crate) fn test(args: Vec<String>) -> Result<()> {
+    let mut options = Options { only: Vec::new(), allow_missing: false, smoke_seconds: 20 };
+    let mut args = args.into_iter();
+    while let Some(arg) = args.next() {
+        match arg.as_str() {
+            "--list" => {
+                for s in SUITES {
+                    println!("{:<11} {:<6} {}", s.name, if s.quick { "check" } else { "" }, s.what);
+                }
+                return Ok(());
+            }
+            "--only" => {
+                let name = args.next().context("--only needs a suite")?;
+                if !SUITES.iter().any(|s| s.name == name) {
+                    bail!("no suite `{name}`; `cargo xtask test --list` names them");
+                }
+                options.only.push(name);
+            }
+            "--allow-missing" => options.allow_missing = true,
+            "--smoke" => {
+                options.smoke_seconds =
+                    args.next().and_then(|n| n.parse().ok()).context("--smoke needs a number of seconds")?;
+            }
+            other => bail!("unexpected argument `{other}`; see `cargo xtask test --help`"),
+        }
+    }
+    run(SUITES.iter().filter(|s| options.only.is_empty() || options.only.iter().any(|o| o == s.name)), &options)
+}
+
+enum Outcome {
+    Passed,
+    Failed(String),
+    Missing(String),
+}
+
+fn run<'a>(suites: impl Iterator<Item = &'a Suite>, options: &Options) -> Result<()> {
+    let mut rows = Vec::new();
+    for suite in suites {
+        println!("\n== {}: {}", suite.name, suite.what);
+        let start = Instant::now();
+        let outcome = match (suite.run)(options) {
+            Ok(()) => Outcome::Passed,
+            Err(error) if error.is::<Missing>() => Outcome::Missing(format!("{error:#}")),
+            Err(error) => Outcome::Failed(format!("{error:#}")),
+        };
+        if let Outcome::Failed(why) | Outcome::Missing(why) = &outcome {
+            println!("{}: {why}", suite.name);
+        }
+        rows.push((suite.name, outcome, start.elapsed().as_secs_f64()));
+    }
+    let (mut passed, mut failed, mut skipped) = (0, 0, 0);
+    println!("\n{:<11} {:<8} {:>8}", "suite", "result", "seconds");
+    for (name, outcome, seconds) in &rows {
+        let (word, why) = match outcome {
+            Outcome::Passed => {
+                passed += 1;
+                ("passed", "")
+            }
+            Outcome::Failed(why) => {
+                failed += 1;
+                ("FAILED", why.as_str())
+            }
+            Outcome::Missing(why) if options.allow_missing => {
+                skipped += 1;
+                ("skipped", why.as_str())
+            }
+            Outcome::Missing(why) => {
+                failed += 1;
+                ("MISSING", why.as_str())
+            }
+        };
+        println!("{name:<11} {word:<8} {seconds:>8.1}  {why}");
+    }
+    println!("{passed} passed, {failed} failed, {skipped} skipped");
+    if failed > 0 {
+        let names = rows.iter().filter(|(_, o, _)| !matches!(o, Outcome::Passed)).map(|(n, ..)| *n);
+        bail!("not passed: {}", names.collect::<Vec<_>>().join(", "));
+    }
+    Ok(())
+}
