@@ -1,7 +1,7 @@
 //! The wide fit: least squares of inverse depth over the pixels around a point that lie on its surface.
 //!
-//! 960 bytes of stack. Sums run in four lanes over rows padded to whole lanes, so that they vectorise without reordering
-//! anything the compiler may not reorder.
+//! 1.5 kB of stack. Sums run down the columns of a patch of fixed width, each column a lane: they vectorise without
+//! reordering anything the compiler may not reorder.
 
 use glam::Vec3;
 
@@ -11,16 +11,14 @@ use crate::ground::math;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
-const LANES: usize = 4;
-/// Chunks of four that hold the widest row.
-const CHUNKS: usize = (2 * MAX_RADIUS as usize + 1).div_ceil(LANES);
 const ROWS: usize = 2 * MAX_RADIUS as usize + 1;
+/// The widest row, padded to whole vectors.
+const COLUMNS: usize = ROWS.next_multiple_of(8);
 
 /// Inverse depth relative to the centre's (0 at the centre, NaN in holes), so that the sums lose no digits.
 struct Patch {
-    w: [[[f32; LANES]; CHUNKS]; ROWS],
+    w: [[f32; COLUMNS]; ROWS],
     rows: usize,
-    chunks: usize,
     /// Offset of the first pixel from the centre.
     dx: f32,
     dy: f32,
@@ -44,14 +42,13 @@ impl Patch {
         let (x0, y0) = (x.saturating_sub(r), y.saturating_sub(r));
         let window = depth.crop(x0, y0, x + r + 1 - x0, y + r + 1 - y0);
         let mut patch = Self {
-            w: [[[f32::NAN; LANES]; CHUNKS]; ROWS],
+            w: [[f32::NAN; COLUMNS]; ROWS],
             rows: window.height(),
-            chunks: window.width().div_ceil(LANES),
             dx: x0 as f32 - x as f32,
             dy: y0 as f32 - y as f32,
         };
         for (line, row) in patch.w.iter_mut().zip(window.rows()) {
-            for (w, &value) in line.as_flattened_mut().iter_mut().zip(row) {
+            for (w, &value) in line.iter_mut().zip(row) {
                 if value.is_valid() {
                     *w = inverse(value) * centre - 1.0;
                 }
@@ -63,47 +60,43 @@ impl Patch {
     /// Least squares over the pixels within `base + per_pixel * distance` of the plane (c, a, b); `None` when they do not
     /// span a plane.
     fn solve(&self, (c, a, b): (f32, f32, f32), base: f32, per_pixel: f32) -> Option<Fit> {
-        let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let (mut w, mut xw, mut yw, mut ww) = (0.0, 0.0, 0.0, 0.0);
+        // Down the columns, every column a lane.
+        let dx: [f32; COLUMNS] = core::array::from_fn(|i| self.dx + i as f32);
+        let centre: [f32; COLUMNS] = dx.map(|dx| c + a * dx);
+        let mut lanes = [[0.0_f32; COLUMNS]; 6];
         for (j, line) in self.w.iter().take(self.rows).enumerate() {
             let dy = self.dy + j as f32;
-            let mut sums = [[0.0_f32; LANES]; 6];
-            for (i, chunk) in line.iter().take(self.chunks).enumerate() {
-                let from = self.dx + (LANES * i) as f32;
-                let [s0, sx, sxx, sw, sxw, sww] = &mut sums;
-                for lane in 0..LANES {
-                    // Constant bounds: the checks vanish.
-                    #[expect(clippy::indexing_slicing, reason = "lane < LANES, the length of every array here")]
-                    {
-                        let dx = from + lane as f32;
-                        let value = chunk[lane];
-                        let distance = if dx.abs() > dy.abs() { dx.abs() } else { dy.abs() };
-                        let distance = if distance > 1.0 { distance } else { 1.0 };
-                        // False for NaN: holes and padding drop out.
-                        let keep = (value - c - a * dx - b * dy).abs() <= base + per_pixel * distance;
-                        let one = if keep { 1.0 } else { 0.0 };
-                        let value = if keep { value } else { 0.0 };
-                        s0[lane] += one;
-                        sx[lane] += one * dx;
-                        sxx[lane] += one * dx * dx;
-                        sw[lane] += value;
-                        sxw[lane] += value * dx;
-                        sww[lane] += value * value;
-                    }
+            let tilt = b * dy;
+            let far = dy.abs().max(1.0);
+            let [n, y, yy, w, yw, ww] = &mut lanes;
+            for i in 0..COLUMNS {
+                #[expect(
+                    clippy::indexing_slicing,
+                    reason = "i < COLUMNS, the length of every array here; checks vanish"
+                )]
+                {
+                    let value = line[i];
+                    let distance = if dx[i].abs() > far { dx[i].abs() } else { far };
+                    // False for NaN: holes and padding drop out.
+                    let keep = (value - centre[i] - tilt).abs() <= base + per_pixel * distance;
+                    let one = if keep { 1.0 } else { 0.0 };
+                    let value = if keep { value } else { 0.0 };
+                    n[i] += one;
+                    y[i] += one * dy;
+                    yy[i] += one * dy * dy;
+                    w[i] += value;
+                    yw[i] += value * dy;
+                    ww[i] += value * value;
                 }
             }
-            let [s0, sx, sxx, sw, sxw, sww] = sums.map(|[p, q, r, s]| (p + q) + (r + s));
-            n += s0;
-            x += sx;
-            y += s0 * dy;
-            xx += sxx;
-            xy += sx * dy;
-            yy += s0 * dy * dy;
-            w += sw;
-            xw += sxw;
-            yw += sw * dy;
-            ww += sww;
         }
+        let [cn, cy, cyy, cw, cyw, cww] = &lanes;
+        let total = |column: &[f32; COLUMNS]| column.iter().sum::<f32>();
+        let moment = |column: &[f32; COLUMNS]| column.iter().zip(&dx).map(|(v, dx)| v * dx).sum::<f32>();
+        let (n, x, y) = (total(cn), moment(cn), total(cy));
+        let xx = cn.iter().zip(&dx).map(|(n, dx)| n * dx * dx).sum::<f32>();
+        let (xy, yy) = (moment(cy), total(cyy));
+        let (w, xw, yw, ww) = (total(cw), moment(cw), total(cyw), total(cww));
         if n < 3.0 {
             return None;
         }
