@@ -5,3 +5,4 @@
 //! - `tests/`: numerics against `f64` oracles, hostile input, end to end.
 
 pub mod fuzz;
+pub mod shared;
