@@ -135,8 +135,7 @@ impl Line {
             let (left, top) = (k.fx() * p.x + (k.cx() + 0.5) * p.z, k.fy() * p.y + (k.cy() + 0.5) * p.z);
             [left, w * p.z - left, top, h * p.z - top, p.z]
         };
-        // `max` and `min` return the other side of a NaN.
-        let longest = max_distance.max(0.0).min(FARTHEST);
+        let longest = if max_distance > 0.0 { max_distance.min(FARTHEST) } else { 0.0 };
         let (mut t0, mut t1) = (0.0_f32, longest);
         for (i, (at, rate)) in walls(o).into_iter().zip(walls(d)).enumerate() {
             let at = if i == 4 { at - NEAR } else { at };
@@ -212,7 +211,7 @@ impl Line {
     }
 
     /// Position at a progress, in pixels from a pixel's centre.
-    pub(super) fn from_centre(&self, progress: f32, pixel: (usize, usize)) -> (f32, f32) {
+    pub(super) fn offset(&self, progress: f32, pixel: (usize, usize)) -> (f32, f32) {
         let along = |axis: &Axis, pixel: usize| axis.base - (pixel as f32 + 0.5) + progress * axis.step;
         (along(&self.u, pixel.0), along(&self.v, pixel.1))
     }

@@ -333,11 +333,11 @@ impl<D: DepthSample> March<'_, D> {
         let (above, below) = (inverse(Some(x), y.checked_sub(1)), inverse(Some(x), Some(y + 1)));
         let centre = inverse(Some(x), Some(y))?;
         let (slope_x, slope_y) = (slope(left, centre, right), slope(above, centre, below));
-        let (du, dv) = self.line.from_centre(found.progress, found.pixel);
+        let (du, dv) = self.line.offset(found.progress, found.pixel);
         let gap = centre + slope_x * du + slope_y * dv - self.line.inverse_z(found.progress);
         let (step_u, step_v) = self.line.step();
         let progress = found.progress + gap / (self.line.inverse_z_step() - slope_x * step_u - slope_y * step_v);
-        let (du, dv) = self.line.from_centre(progress, found.pixel);
+        let (du, dv) = self.line.offset(progress, found.pixel);
         // Also false for NaN.
         let near = du.abs() <= 1.5 && dv.abs() <= 1.5 && progress >= self.line.start && progress <= self.line.end;
         near.then_some(progress)
