@@ -99,7 +99,7 @@ fn queries(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 let (x, y) = next();
-                normal_at(black_box(&frame), x, y, &params)
+                black_box(normal_at(black_box(&frame), x, y, &params));
             })
         });
     }
@@ -110,7 +110,7 @@ fn queries(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 let (x, y) = next();
-                hit_test(black_box(&frame), vec2(x as f32 + 0.3, y as f32 - 0.2), &params)
+                black_box(hit_test(black_box(&frame), vec2(x as f32 + 0.3, y as f32 - 0.2), &params));
             })
         });
     }
@@ -122,7 +122,7 @@ fn queries(c: &mut Criterion) {
                 let (x, y) = next();
                 let target = frame.point(x, y).unwrap_or(Vec3::Z);
                 let ray = Ray::new(origin, target - origin).unwrap();
-                cast(black_box(&frame), skipping, &ray, &RayParams::default())
+                black_box(cast(black_box(&frame), skipping, &ray, &RayParams::default()));
             })
         });
     }

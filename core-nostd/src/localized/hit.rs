@@ -57,10 +57,6 @@ pub struct Hit {
 
 /// What a hit test found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "returned by value and taken apart at once; there is no heap to box into"
-)]
 pub enum HitOutcome {
     /// A surface.
     Hit(Hit),
