@@ -30,6 +30,10 @@ const DOFFS_PX: f64 = 31.086;
 /// hundredth of a pixel of disparity is worth at the nearest.
 const STEPS_PER_MM: f64 = 10.0;
 
+/// The files, in the layout of any other recording of numbered frames.
+const DEPTH: &str = "depth/motorcycle.png";
+const COLOUR: &str = "color/motorcycle.png";
+
 /// A disparity image.
 struct Disparity {
     width: usize,
@@ -54,10 +58,12 @@ pub(crate) fn verb(args: Vec<String>) -> Result<()> {
         None => download()?,
     };
     let disparity = disparity_from_npz(npz)?;
-    fs::create_dir_all(&out)?;
+    for file in [DEPTH, COLOUR] {
+        fs::create_dir_all(out.join(file).parent().unwrap_or(&out))?;
+    }
     let steps: Vec<u16> = disparity.pixels.iter().map(|&d| depth_steps(d)).collect();
-    fs::write(out.join("depth.png"), png16(disparity.width, disparity.height, &steps)?)?;
-    fs::write(out.join("color.png"), colour)?;
+    fs::write(out.join(DEPTH), png16(disparity.width, disparity.height, &steps)?)?;
+    fs::write(out.join(COLOUR), colour)?;
     fs::write(out.join("camera.toml"), camera_toml(disparity.width, disparity.height))?;
     fs::write(out.join("README.md"), README)?;
     let known: Vec<u16> = steps.iter().copied().filter(|&s| s > 0).collect();
@@ -160,12 +166,8 @@ cx = {CX_PX}
 cy = {CY_PX}
 
 [depth]
-file = \"depth.png\"
 # Metres a step: tenths of a millimetre. 0 is \"no reading\".
 unit = {unit}
-
-[color]
-file = \"color.png\"
 "
     )
 }
@@ -178,8 +180,8 @@ pixels have none).
 
 | file | what |
 |---|---|
-| `color.png` | left image, 741 x 500, RGB |
-| `depth.png` | z along the optical axis, 16 bits, 0.1 mm a step, 0 where nothing was measured |
+| `color/motorcycle.png` | left image, 741 x 500, RGB |
+| `depth/motorcycle.png` | z along the optical axis, 16 bits, 0.1 mm a step, 0 where nothing was measured |
 | `camera.toml` | pinhole intrinsics and the depth unit |
 
 ## Source
@@ -267,7 +269,7 @@ mod tests {
             return;
         }
         let disparity = disparity_from_npz(fs::read(original).unwrap()).unwrap();
-        let (width, height, pixels) = decode(&fs::read(root().join("data/motorcycle/depth.png")).unwrap());
+        let (width, height, pixels) = decode(&fs::read(root().join("data/motorcycle").join(DEPTH)).unwrap());
         assert_eq!((width as usize, height as usize), (disparity.width, disparity.height));
         let (pixels, _) = pixels.as_chunks::<2>();
         assert!(pixels.iter().zip(&disparity.pixels).all(|(p, &d)| u16::from_be_bytes(*p) == depth_steps(d)));
