@@ -7,12 +7,14 @@
 #![allow(clippy::missing_panics_doc, reason = "a panic is how a fuzz body reports what it found")]
 
 mod decode;
+mod localized;
 mod sensing;
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::glam::{Quat, Vec2, Vec3};
 
 pub use decode::{depth16, disparity, metres, projective, u16_bytes};
+pub use localized::localized;
 pub use sensing::{camera, pose, pyramid, rectify};
 
 /// One target: its name and its body.
@@ -29,6 +31,7 @@ pub const TARGETS: &[Target] = &[
     ("pose", pose),
     ("rectify", rectify),
     ("pyramid", pyramid),
+    ("localized", localized),
 ];
 
 /// A number of the kind that breaks things more often than chance would: special values, camera-like values, any bits.

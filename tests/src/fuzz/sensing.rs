@@ -14,7 +14,7 @@ use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
 
 use super::{elements, fill, number, quat, shape, vec2, vec3, word};
 
-fn intrinsics(u: &mut Unstructured<'_>) -> Result<Intrinsics> {
+pub(super) fn intrinsics(u: &mut Unstructured<'_>) -> Result<Intrinsics> {
     let given = Intrinsics::new(number(u)?, number(u)?, number(u)?, number(u)?);
     Ok(given.unwrap_or_else(|error| {
         assert!(!error.to_string().is_empty());

@@ -1,0 +1,114 @@
+//! The localized answers, all of one small frame of any numbers.
+
+use arbitrary::{Arbitrary, Result, Unstructured};
+use isobath::glam::Vec3;
+use isobath::ground::geometry::Ray;
+use isobath::ground::image::ImageView;
+use isobath::ground::units::Timestamp;
+use isobath::localized::hit::{HitOutcome, HitParams, hit_test};
+use isobath::localized::normals::{NormalMethod, NormalParams, dense, normal_at};
+use isobath::localized::one_euro::{OneEuro, OneEuroParams};
+use isobath::localized::plane::ground::{GroundParams, dominant_plane, estimate_ground};
+use isobath::localized::raycast::{RayCast, RayParams, cast};
+use isobath::sensing::camera::Pose;
+use isobath::sensing::depth::{DepthSample, DepthUnit, HolePolicy};
+use isobath::sensing::frame::DepthFrame;
+use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
+
+use super::sensing::intrinsics;
+use super::{fill, number, quat, vec2, vec3, word};
+
+fn holes(u: &mut Unstructured<'_>) -> Result<HolePolicy> {
+    Ok(*u.choose(&[HolePolicy::Unknown, HolePolicy::Solid, HolePolicy::Free])?)
+}
+
+fn unit_length(n: Vec3) -> bool {
+    (n.length() - 1.0).abs() < 1e-3
+}
+
+/// Calls every answer on the frame that the bytes describe, and holds each to what its documentation promises of any input.
+fn answers<D: DepthSample>(u: &mut Unstructured<'_>, next: impl Fn(&mut Unstructured<'_>) -> Result<D>) -> Result<()> {
+    let (width, height) = (u.int_in_range(0..=40)?, u.int_in_range(0..=24)?);
+    let unit =
+        if u.ratio(1, 4)? { DepthUnit::new(number(u)?).unwrap_or(DepthUnit::TUM) } else { DepthUnit::MILLIMETRE };
+    let k = intrinsics(u)?;
+    let pose = Pose::new(quat(u)?, vec3(u)?).ok();
+    let (at, a, b) = (vec2(u)?, vec3(u)?, vec3(u)?);
+    let rays = RayParams { max_distance: number(u)?, thickness: number(u)?, holes: holes(u)? };
+    let method = *u.choose(&[NormalMethod::Exact, NormalMethod::Paper])?;
+    let max_step = if bool::arbitrary(u)? { Some(number(u)?) } else { None };
+    let normals = NormalParams { method, radius: u.int_in_range(0..=9)?, max_step };
+    let euro =
+        OneEuroParams { min_cutoff: number(u)?, beta: number(u)?, derivative_cutoff: number(u)?, max_gap: number(u)? };
+    let times = [i64::arbitrary(u)?, i64::arbitrary(u)?];
+    let values = fill(u, width * height, next)?;
+
+    let depth = ImageView::new(&values, width, height).expect("as long as asked");
+    let frame = DepthFrame::new(depth, unit, k);
+    let frame = pose.map_or(frame, |pose| frame.with_pose(pose));
+    let mut cells = vec![Cell::EMPTY; cells_needed(width, height)];
+    let pyramid = Pyramid::build(depth, &mut cells).expect("as long as asked");
+
+    // Normals.
+    let pixels = [(0, 0), (width / 2, height / 2), (width.saturating_sub(1), 0), (width, height), (usize::MAX, 0)];
+    for (x, y) in pixels {
+        if let Some(estimate) = normal_at(&frame, x, y, &normals) {
+            assert!(frame.z(x, y) > 0.0 && unit_length(estimate.normal), "{estimate:?}");
+        }
+    }
+    let mut scratch = vec![0.0; dense::scratch_len(width)];
+    let mut rows = 0;
+    let work = dense::rows(&frame, &normals, &mut scratch, |_, row| {
+        rows += usize::from(row.x.len() == width);
+        for ((x, y), z) in row.x.iter().zip(row.y).zip(row.z) {
+            let n = Vec3::new(*x, *y, *z);
+            assert!(n.is_nan() || unit_length(n), "{n}");
+        }
+    });
+    let work = work.expect("as long as asked");
+    assert_eq!((work.done + work.skipped) as usize, width * height);
+    assert_eq!(rows, if width == 0 { 0 } else { height });
+
+    // Hits.
+    let params = HitParams { normal: Some(normals), ..HitParams::default() };
+    if let HitOutcome::Hit(hit) = hit_test(&frame, at, &params) {
+        assert!(hit.normal.is_none_or(unit_length), "{hit:?}");
+    }
+
+    // Rays: skipping changes nothing, to the bit.
+    if let Some(ray) = Ray::new(a, b) {
+        let skipping = cast(&frame, Some(&pyramid), &ray, &rays);
+        let full = cast(&frame, None, &ray, &rays);
+        assert!(same(&skipping, &full), "{skipping:?} {full:?}");
+    }
+
+    // Planes.
+    for plane in
+        [estimate_ground(&frame, a, &GroundParams::default()), dominant_plane(&frame, b, &GroundParams::default())]
+    {
+        match plane {
+            Ok(found) => assert!(unit_length(found.fit.plane.normal()), "{found:?}"),
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+    }
+
+    // Filters.
+    if let Ok(mut filter) = OneEuro::<Vec3>::new(euro) {
+        for (sample, time) in [(a, times[0]), (b, times[1]), (a, times[0])] {
+            let out = filter.filter(sample, Timestamp::from_nanos(time));
+            assert!(out.is_finite() || !sample.is_finite() || !(a + b).is_finite() || !(a - b).is_finite(), "{out}");
+        }
+    }
+    Ok(())
+}
+
+/// NaN equals NaN here: the same bits are the same answer.
+fn same(a: &RayCast, b: &RayCast) -> bool {
+    format!("{:?}", a.outcome) == format!("{:?}", b.outcome)
+}
+
+/// Every localized answer of one frame.
+pub fn localized(data: &[u8]) {
+    let _ = answers(&mut Unstructured::new(data), word);
+    let _ = answers(&mut Unstructured::new(data), number);
+}
