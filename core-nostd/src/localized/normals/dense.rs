@@ -16,16 +16,18 @@ use crate::skipping::Work;
 const ROWS: usize = 5;
 /// Pixels of padding at either end of a row, holes all.
 const PAD: usize = 2;
+/// Rows handed out: three components, residual, support.
+const OUTPUTS: usize = 5;
 
 /// Floats of scratch that [`rows`] needs for images of this width.
 ///
 /// ```
 /// use isobath::localized::normals::dense::scratch_len;
-/// assert_eq!(scratch_len(160), 5 * 164 + 4 * 160);
+/// assert_eq!(scratch_len(160), 5 * 164 + 5 * 160);
 /// ```
 #[must_use]
 pub const fn scratch_len(width: usize) -> usize {
-    width.saturating_add(2 * PAD).saturating_mul(ROWS).saturating_add(width.saturating_mul(4))
+    width.saturating_add(2 * PAD).saturating_mul(ROWS).saturating_add(width.saturating_mul(OUTPUTS))
 }
 
 /// One row of normals in the camera frame; NaN where there is none.
@@ -40,6 +42,9 @@ pub struct NormalRow<'a> {
     pub z: &'a [f32],
     /// RMS deviation of the readings from the fitted surface, metres; NaN where there is no normal.
     pub residual: &'a [f32],
+    /// Readings it rests on, the centre included (a whole number, as float so that the row loop stays in vectors); NaN
+    /// where there is no normal.
+    pub support: &'a [f32],
 }
 
 /// Why there are no dense normals.
@@ -149,23 +154,33 @@ pub fn planes<D: DepthSample>(
     })
 }
 
+type OutputPixel<'a> = ((((&'a mut f32, &'a mut f32), &'a mut f32), &'a mut f32), &'a mut f32);
+
 struct Outputs<'a> {
     x: &'a mut [f32],
     y: &'a mut [f32],
     z: &'a mut [f32],
     residual: &'a mut [f32],
+    support: &'a mut [f32],
 }
 
 impl<'a> Outputs<'a> {
     fn split(all: &'a mut [f32], width: usize) -> Self {
         let (x, rest) = all.split_at_mut_checked(width).unwrap_or_default();
         let (y, rest) = rest.split_at_mut_checked(width).unwrap_or_default();
-        let (z, residual) = rest.split_at_mut_checked(width).unwrap_or_default();
-        Self { x, y, z, residual }
+        let (z, rest) = rest.split_at_mut_checked(width).unwrap_or_default();
+        let (residual, support) = rest.split_at_mut_checked(width).unwrap_or_default();
+        Self { x, y, z, residual, support }
+    }
+
+    /// The outputs of each pixel: ((((x, y), z), residual), support).
+    fn pixels(&mut self) -> impl Iterator<Item = OutputPixel<'_>> {
+        let normal = self.x.iter_mut().zip(self.y.iter_mut()).zip(self.z.iter_mut());
+        normal.zip(self.residual.iter_mut()).zip(self.support.iter_mut())
     }
 
     fn as_row(&self) -> NormalRow<'_> {
-        NormalRow { x: self.x, y: self.y, z: self.z, residual: self.residual }
+        NormalRow { x: self.x, y: self.y, z: self.z, residual: self.residual, support: self.support }
     }
 }
 
@@ -219,20 +234,22 @@ fn cross_row<D: DepthSample>(frame: &DepthFrame<'_, D>, y: usize, window: &[&[f3
     let (up2, up1, c, down1, down2) = (cut(up2), cut(up1), cut(line), cut(down1), cut(down2));
     let (l2, l1, r1, r2) = (self::cut(line, 0, n), self::cut(line, 1, n), self::cut(line, 3, n), self::cut(line, 4, n));
     let taps = l2.iter().zip(l1).zip(c).zip(r1).zip(r2).zip(up2).zip(up1).zip(down1).zip(down2);
-    let outs = out.x.iter_mut().zip(out.y.iter_mut()).zip(out.z.iter_mut()).zip(out.residual.iter_mut());
-    for (i, (((((((((&l2, &l1), &c), &r1), &r2), &u2), &u1), &d1), &d2), (((nx, ny), nz), res))) in
-        taps.zip(outs).enumerate()
+    for (i, (((((((((&l2, &l1), &c), &r1), &r2), &u2), &u1), &d1), &d2), ((((nx, ny), nz), res), support))) in
+        taps.zip(out.pixels()).enumerate()
     {
         let h = exact::slope(l2, l1, c, r1, r2);
         let v = exact::slope(u2, u1, c, d1, d2);
         // `as i32`: the conversion from 64-bit integers has no vector form.
         let [x, y, z] = facing(c, h.value, v.value, i as i32 as f32 - cx, dy, fx, fy);
         let real = exact::is_real(c, h, v);
-        *nx = if real { x } else { f32::NAN };
-        *ny = if real { y } else { f32::NAN };
-        *nz = if real { z } else { f32::NAN };
-        let r = exact::residual(c, h.curvature, v.curvature, unit);
-        *res = if real { r } else { f32::NAN };
+        // All bits set is a NaN: one operation where a select takes three.
+        let hole = if real { 0 } else { u32::MAX };
+        let mask = |v: f32| f32::from_bits(v.to_bits() | hole);
+        *nx = mask(x);
+        *ny = mask(y);
+        *nz = mask(z);
+        *res = mask(exact::residual(c, h.curvature, v.curvature, unit));
+        *support = mask(1.0 + h.taps + v.taps);
     }
 }
 
@@ -249,14 +266,11 @@ fn point_row<D: DepthSample>(
     out: &mut Outputs<'_>,
     work: &mut Work,
 ) {
-    let outs = out.x.iter_mut().zip(out.y.iter_mut()).zip(out.z.iter_mut()).zip(out.residual.iter_mut());
-    for (x, (((nx, ny), nz), res)) in outs.enumerate() {
-        let (normal, residual) = match normal_at(frame, x, y, params) {
-            Some(e) => (e.normal.to_array(), e.residual),
-            None => ([f32::NAN; 3], f32::NAN),
+    for (x, ((((nx, ny), nz), residual), support)) in out.pixels().enumerate() {
+        ([*nx, *ny, *nz], *residual, *support) = match normal_at(frame, x, y, params) {
+            Some(e) => (e.normal.to_array(), e.residual, f32::from(e.support)),
+            None => ([f32::NAN; 3], f32::NAN, f32::NAN),
         };
-        [*nx, *ny, *nz] = normal;
-        *res = residual;
         if frame.depth().get(x, y).is_some_and(DepthSample::is_valid) {
             work.done += 1;
         } else {

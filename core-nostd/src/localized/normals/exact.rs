@@ -19,6 +19,8 @@ pub(super) struct Slope {
     pub(super) value: f32,
     /// Size of the second difference of inverse depth; 0 when only two pixels have readings.
     pub(super) curvature: f32,
+    /// Readings besides the centre: 2, or 1 when only two pixels have readings.
+    pub(super) taps: f32,
 }
 
 /// Slope at the middle of five inverse depths in a line.
@@ -38,7 +40,11 @@ pub(super) fn slope(l2: f32, l1: f32, c: f32, r1: f32, r2: f32) -> Slope {
     // Where no three have readings, the nearer of the two neighbours.
     let pair = if l.abs() < r.abs() { l } else { r };
     let three = bend.abs() < REAL;
-    Slope { value: if three { base + 0.5 * bend } else { pair }, curvature: if three { bend.abs() } else { 0.0 } }
+    Slope {
+        value: if three { base + 0.5 * bend } else { pair },
+        curvature: if three { bend.abs() } else { 0.0 },
+        taps: if three { 2.0 } else { 1.0 },
+    }
 }
 
 /// Whether there is a normal: a reading at the centre and a neighbour on either axis.
@@ -69,14 +75,9 @@ pub(super) fn at<D: DepthSample>(frame: &DepthFrame<'_, D>, x: usize, y: usize) 
     let normal = Vec3::from(n);
     normal.is_finite().then(|| NormalEstimate {
         normal,
-        support: 1 + taps(h) + taps(v),
+        support: (1.0 + h.taps + v.taps) as u16,
         residual: residual(c, h.curvature, v.curvature, frame.unit().metres()),
     })
-}
-
-fn taps(s: Slope) -> u16 {
-    // A pair has exactly no curvature; so may three pixels, which then claim one tap too few: the cautious side.
-    if s.curvature > 0.0 { 2 } else { 1 }
 }
 
 /// Deviation in metres from straight lines: the second difference of 1/z over sqrt 6 is the RMS deviation of three points

@@ -188,10 +188,10 @@ proptest! {
         let mut scratch = vec![0.0; scratch_len(w)];
         let work = rows(&frame, &params, &mut scratch, |y, row| {
             for x in 0..w {
-                let dense = [row.x[x], row.y[x], row.z[x], row.residual[x]];
+                let dense = [row.x[x], row.y[x], row.z[x], row.residual[x], row.support[x]];
                 match normal_at(&frame, x, y, &params) {
                     Some(e) => {
-                        assert_eq!([e.normal.x, e.normal.y, e.normal.z, e.residual], dense, "{x},{y}");
+                        assert_eq!([e.normal.x, e.normal.y, e.normal.z, e.residual, f32::from(e.support)], dense, "{x},{y}");
                         assert!((e.normal.length() - 1.0).abs() < 1e-5);
                         let p = frame.point(x, y).unwrap();
                         assert!(method == 1 || e.normal.dot(p) <= 1e-6, "faces away at {x},{y}");
