@@ -15,9 +15,11 @@
 //! assert!((nearest - 1.5).abs() < 1e-6);
 //! ```
 
-use isobath::ground::image::ImageView;
+use isobath::ground::image::{ImageView, ImageViewMut};
 use isobath::ground::units::Timestamp;
-use isobath::sensing::camera::{Intrinsics, Pose};
+use isobath::sensing::camera::rectify::rectify;
+use isobath::sensing::camera::{Camera, Intrinsics, Pose};
+use isobath::sensing::depth::confidence::{Limits, apply_limits};
 use isobath::sensing::depth::{DepthSample, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
 
@@ -60,6 +62,13 @@ pub struct OwnedFrame {
     pub sequence: u64,
     /// What a user should know about this frame: a pose that is not one, a colour image that can't be read.
     pub notes: Vec<String>,
+}
+
+fn straighten<T: Copy>(pixels: &mut [T], (w, h): (usize, usize), camera: &Camera, hole: T) {
+    let bent = pixels.to_vec();
+    if let (Ok(bent), Ok(mut out)) = (ImageView::new(&bent, w, h), ImageViewMut::new(pixels, w, h)) {
+        rectify(bent, camera, &camera.intrinsics, hole, &mut out);
+    }
 }
 
 /// What an empty frame carries until a source fills it.
@@ -151,6 +160,52 @@ impl OwnedFrame {
         self.confidence.clear();
         self.confidence.resize(self.width * self.height, 0);
         &mut self.confidence
+    }
+
+    /// [`Self::depth_u16_mut`] and [`Self::confidence_mut`] at once, for sensors that give both in one value.
+    pub fn depth_u16_and_confidence_mut(&mut self, width: usize, height: usize) -> (&mut [u16], &mut [u8]) {
+        self.depth_u16_mut(width, height);
+        self.confidence_mut();
+        match &mut self.depth {
+            DepthPixels::U16(v) => (v, &mut self.confidence),
+            DepthPixels::F32(_) => (&mut [], &mut []),
+        }
+    }
+
+    /// Turns readings outside `limits` into holes; returns how many.
+    pub fn apply_limits(&mut self, limits: Limits) -> usize {
+        let (w, h) = self.size();
+        let sure = if self.has_confidence { ImageView::new(&self.confidence, w, h).ok() } else { None };
+        let removed = match &mut self.depth {
+            DepthPixels::U16(v) => {
+                ImageViewMut::new(v, w, h).map(|mut v| apply_limits(&mut v, self.unit, sure, limits))
+            }
+            DepthPixels::F32(v) => {
+                ImageViewMut::new(v, w, h).map(|mut v| apply_limits(&mut v, self.unit, sure, limits))
+            }
+        };
+        removed.unwrap_or(0)
+    }
+
+    /// Removes the lens: depth, confidence, and colour of depth's size (which is taken to be registered to it) are seen through
+    /// the pinhole of `camera` afterwards, which becomes [`Self::intrinsics`]. Nothing is interpolated. Copies each image once.
+    pub fn straighten(&mut self, camera: &Camera) {
+        self.intrinsics = camera.intrinsics;
+        if camera.distortion.is_none() {
+            return;
+        }
+        let (w, h) = self.size();
+        match &mut self.depth {
+            DepthPixels::U16(v) => straighten(v, (w, h), camera, u16::HOLE),
+            DepthPixels::F32(v) => straighten(v, (w, h), camera, f32::HOLE),
+        }
+        if self.has_confidence {
+            straighten(&mut self.confidence, (w, h), camera, 0);
+        }
+        let c = &mut self.colour;
+        if c.present && (c.width, c.height) == (w, h) {
+            straighten(&mut c.pixels, (w, h), camera, [0; 3]);
+        }
     }
 
     /// The frame has no confidence image.
