@@ -41,7 +41,8 @@ pub enum Direction {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DepthSection {
-    /// Folder of the depth images, beside camera.toml; `depth` unless given.
+    /// Folder of the depth images, or the one depth image; `depth` unless given. Also called `file`.
+    #[serde(alias = "file")]
     pub path: Option<PathBuf>,
     /// What the numbers are; by the file's own type unless given. Headerless files need it.
     pub format: Option<Format>,
@@ -78,7 +79,8 @@ pub struct DepthSection {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ColourSection {
-    /// File (of a single depth image) or folder, beside camera.toml.
+    /// Folder of the colour images, or the one image of a single depth image. Also called `file`.
+    #[serde(alias = "file")]
     pub path: Option<PathBuf>,
 }
 
@@ -86,7 +88,8 @@ pub struct ColourSection {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoseSection {
-    /// File of the poses, beside camera.toml.
+    /// File of the poses. Also called `file`.
+    #[serde(alias = "file")]
     pub path: Option<PathBuf>,
     /// Whose axes; OpenCV's unless given.
     #[serde(deserialize_with = "convention")]
@@ -119,7 +122,8 @@ pub struct CameraFile {
     pub frame_rate: Option<f64>,
     /// What depth values mean.
     pub depth: DepthSection,
-    /// Where colour is.
+    /// Where colour is. `[color]` is the same.
+    #[serde(alias = "color")]
     pub colour: ColourSection,
     /// What poses mean.
     pub pose: PoseSection,

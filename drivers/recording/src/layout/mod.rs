@@ -58,9 +58,14 @@ pub(crate) struct Listing {
 pub(crate) fn recognise(path: &Path, values: &CameraFile, association: f64) -> Result<Listing, SourceError> {
     let meta = path.metadata().map_err(|e| SourceError::io(path, e))?;
     if !meta.is_dir() {
-        return Ok(single::list(path, values));
+        let folder = path.parent().unwrap_or(Path::new(""));
+        return Ok(single::list(path, folder, values));
     }
     let depth = path.join(values.depth.path.as_deref().unwrap_or(Path::new("depth")));
+    // `[depth] file = "depth.png"`: a folder that holds one frame.
+    if values.depth.path.is_some() && depth.is_file() {
+        return Ok(single::list(&depth, path, values));
+    }
     let listing = if path.join("depth.txt").is_file() {
         tum::list(path, values, association)?
     } else if depth.is_dir() {

@@ -6,8 +6,7 @@ use crate::camera_file::CameraFile;
 
 use super::{Entry, Listing};
 
-pub(super) fn list(path: &Path, values: &CameraFile) -> Listing {
-    let folder = path.parent().unwrap_or(Path::new(""));
+pub(super) fn list(path: &Path, folder: &Path, values: &CameraFile) -> Listing {
     let entry = Entry {
         depth: path.into(),
         colour: values.colour.path.as_ref().map(|colour| folder.join(colour)),
