@@ -299,6 +299,13 @@ mod tests {
     }
 
     #[test]
+    fn the_readme_is_right() {
+        let (_, example) = include_str!("../README.md").split_once("```toml\n").unwrap();
+        let file = CameraFile::parse(example.split("```").next().unwrap()).unwrap();
+        assert_eq!((file.depth.near, file.colour.path), (Some(0.1), Some("rgb".into())));
+    }
+
+    #[test]
     fn errors_name_the_line() {
         for (text, line, word) in [
             ("fx = \n", 1, ""),
