@@ -177,7 +177,7 @@ impl Known {
             needed: values.iter().filter(|(_, missing)| *missing).map(|(name, _)| *name).collect(),
             hint: format!(
                 "{verb} {file}; an example{also} (a Kinect; take your camera's own values):\n\n{EXAMPLE}\n\
-                 or give them by hand: --intrinsics FX,FY,CX,CY --unit METRES_PER_STEP (headerless files also --size WxH --format u16|depth16|f32)"
+                 or give them by hand: --intrinsics FX,FY,CX,CY --unit METRES_PER_STEP, and --size WxH for headerless files, whose depth.format stands in camera.toml"
             ),
         }
     }
