@@ -130,7 +130,7 @@ impl PlaneSum {
 
     /// Adds a point with a weight; left out (`false`) unless the point is finite and the weight finite and above 0.
     pub fn add_weighted(&mut self, point: Vec3, weight: f32) -> bool {
-        if !point.is_finite() || !(weight > 0.0 && weight.is_finite()) {
+        if !(point.is_finite() && weight > 0.0 && weight.is_finite()) {
             return false;
         }
         if self.count == 0 {
