@@ -1,0 +1,128 @@
+//! Where can the walker stand? Height map to obstacles, then obstacles grown by the walker's radius.
+
+use super::{Node, Walker};
+use crate::ground::math;
+use crate::localized::height_map::HeightMap;
+use crate::sensing::depth::HolePolicy;
+
+/// Cells over which a slope is judged, at most.
+const MOST: usize = 32;
+
+/// Cells over which the steepest walkable slope rises by a step: a steeper one rises more, a gentler one less.
+pub(super) fn window(walker: &Walker, cell: f32) -> usize {
+    (math::ceil(walker.max_step / (math::tan(walker.max_slope) * cell)) as usize).clamp(1, MOST)
+}
+
+/// Radius in whole cells of the disc around an obstacle's middle that the walker's middle keeps out of.
+pub(super) fn disc(walker: &Walker, cell: f32) -> i32 {
+    math::floor((walker.radius / cell + 0.5).min(1e6)) as i32
+}
+
+/// Sets every node to "never reached" and to what its cell is for this walker.
+pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker) {
+    let (width, depth) = map.grid().size();
+    let cell = map.grid().cell();
+    let tan = math::tan(walker.max_slope);
+    // A tenth of a millimetre for rounding: a step of exactly the height allowed is allowed.
+    let limit = |distance: f32| walker.max_step.max(distance * tan) + 1e-4;
+    let spread = limit(cell * core::f32::consts::SQRT_2);
+    let unknown = match walker.unknown {
+        HolePolicy::Unknown => Node::UNKNOWN,
+        HolePolicy::Solid => Node::OBSTACLE,
+        HolePolicy::Free => 0,
+    };
+    for (node, c) in nodes.iter_mut().zip(map.cells()) {
+        *node = Node::EMPTY;
+        node.state = match c.is_known() {
+            false => unknown,
+            // Negated, so that NaN is an obstacle.
+            true if !(c.max - c.min <= spread) => Node::OBSTACLE | Node::MIXED,
+            true => 0,
+        };
+    }
+    let height = |nodes: &[Node], i: usize| -> Option<f32> {
+        let c = map.cells().get(i)?;
+        (c.is_known() && nodes.get(i)?.state & Node::MIXED == 0).then_some(c.mean)
+    };
+    for (dx, dy) in [(1_isize, 0_isize), (0, 1), (1, 1), (-1, 1)] {
+        let pace = if dx != 0 && dy != 0 { cell * core::f32::consts::SQRT_2 } else { cell };
+        let far = window(walker, pace);
+        let mut limits = [0.0_f32; MOST];
+        for (i, l) in limits.iter_mut().enumerate() {
+            *l = limit(pace * (i + 1) as f32);
+        }
+        let hop = dy * width as isize + dx;
+        for (y, x) in (0..depth).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let from = y * width + x;
+            let Some(first) = height(nodes, from) else { continue };
+            // Cells left in this direction.
+            let across = match dx {
+                0 => MOST,
+                1 => width - 1 - x,
+                _ => x,
+            };
+            let down = if dy == 0 { MOST } else { depth - 1 - y };
+            let (mut here, mut at) = (first, from);
+            for (k, (&ramp, step)) in limits.iter().zip(1..=far.min(across).min(down)).enumerate() {
+                let Some(next) = at.checked_add_signed(hop) else { break };
+                let Some(there) = height(nodes, next) else { break };
+                let ledge = limits.first().is_some_and(|&l| (there - here).abs() > l);
+                if ledge {
+                    // The upper side of a ledge is what can't be walked onto, or off. The pair belongs to its own turn.
+                    if k == 0 {
+                        mark(nodes, if there > here { next } else { at });
+                    }
+                    break;
+                }
+                if (there - first).abs() > ramp {
+                    // Too steep: all between the ends.
+                    let mut between = from;
+                    for _ in 1..step {
+                        between = between.saturating_add_signed(hop);
+                        mark(nodes, between);
+                    }
+                    break;
+                }
+                (here, at) = (there, next);
+            }
+        }
+    }
+    grow(nodes, width, depth, walker.radius / cell + 0.5);
+}
+
+fn mark(nodes: &mut [Node], i: usize) {
+    if let Some(node) = nodes.get_mut(i) {
+        node.state |= Node::OBSTACLE;
+    }
+}
+
+/// Marks all within `radius` cells of an obstacle.
+fn grow(nodes: &mut [Node], width: usize, depth: usize, radius: f32) {
+    let most = radius.min((width + depth) as f32);
+    let reach = math::floor(most) as i32;
+    if reach == 0 {
+        return;
+    }
+    for (y, x) in (0..depth).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        let i = y * width + x;
+        let is_obstacle = |j: Option<usize>| j.and_then(|j| nodes.get(j)).is_none_or(|n| n.state & Node::OBSTACLE != 0);
+        if !is_obstacle(Some(i)) {
+            continue;
+        }
+        // Inside an obstacle the rim's discs cover all that this one's would: the nearest obstacle of a free cell has a
+        // free neighbour on one of four sides.
+        let left = if x == 0 { None } else { Some(i - 1) };
+        let right = if x + 1 == width { None } else { Some(i + 1) };
+        if [left, right, i.checked_sub(width), Some(i + width)].into_iter().all(is_obstacle) {
+            continue;
+        }
+        for dy in -reach..=reach {
+            let Some(row) = y.checked_add_signed(dy as isize).filter(|&r| r < depth) else { continue };
+            let half = math::floor(math::sqrt((most * most - (dy * dy) as f32).max(0.0))) as usize;
+            let span = row * width + x.saturating_sub(half)..row * width + (x + half + 1).min(width);
+            for node in nodes.get_mut(span).unwrap_or(&mut []) {
+                node.state |= Node::CLOSE;
+            }
+        }
+    }
+}
