@@ -137,5 +137,10 @@ pub(super) fn at<D: DepthSample>(
     let (dx, dy) = (x as f32 - k.cx(), y as f32 - k.cy());
     let normal = Vec3::from(facing(1.0 + fit.c, fit.a, fit.b, dx, dy, k.fx(), k.fy()));
     let z = frame.z(x, y);
-    normal.is_finite().then_some(NormalEstimate { normal, support: fit.n as u16, residual: fit.rms * z })
+    // A plane at infinity (1 + c = 0) has no direction.
+    ((normal.length_squared() - 1.0).abs() < 1e-3).then_some(NormalEstimate {
+        normal,
+        support: fit.n as u16,
+        residual: fit.rms * z,
+    })
 }
