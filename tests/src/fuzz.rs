@@ -8,6 +8,7 @@
 
 mod decode;
 mod localized;
+mod parsers;
 mod sensing;
 
 use arbitrary::{Arbitrary, Result, Unstructured};
@@ -15,6 +16,7 @@ use isobath::glam::{Quat, Vec2, Vec3};
 
 pub use decode::{depth16, disparity, metres, projective, u16_bytes};
 pub use localized::localized;
+pub use parsers::{camera_file, depth_png, lists, npy, pgm};
 pub use sensing::{camera, pose, pyramid, rectify};
 
 /// One target: its name and its body.
@@ -32,6 +34,11 @@ pub const TARGETS: &[Target] = &[
     ("rectify", rectify),
     ("pyramid", pyramid),
     ("localized", localized),
+    ("parse_npy", npy),
+    ("parse_pgm", pgm),
+    ("parse_depth_png", depth_png),
+    ("parse_camera_file", camera_file),
+    ("parse_lists", lists),
 ];
 
 /// A number of the kind that breaks things more often than chance would: special values, camera-like values, any bits.

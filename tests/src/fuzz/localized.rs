@@ -2,14 +2,17 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::glam::Vec3;
-use isobath::ground::geometry::Ray;
+use isobath::ground::geometry::{OrientedBox, Ray};
 use isobath::ground::image::ImageView;
 use isobath::ground::units::Timestamp;
+use isobath::localized::collision::{CollisionParams, Verdict, box_points, capsule_points, vote};
 use isobath::localized::hit::{HitOutcome, HitParams, hit_test};
 use isobath::localized::normals::{NormalMethod, NormalParams, dense, normal_at};
 use isobath::localized::one_euro::{OneEuro, OneEuroParams};
+use isobath::localized::particles::{ParticleParams, ParticlePool};
 use isobath::localized::plane::ground::{GroundParams, dominant_plane, estimate_ground};
 use isobath::localized::raycast::{RayCast, RayParams, cast};
+use isobath::localized::reflect::{Bounce, ReflectParams, reflect};
 use isobath::sensing::camera::Pose;
 use isobath::sensing::depth::{DepthSample, DepthUnit, HolePolicy};
 use isobath::sensing::frame::DepthFrame;
@@ -37,7 +40,8 @@ fn answers<D: DepthSample>(u: &mut Unstructured<'_>, next: impl Fn(&mut Unstruct
     let unit =
         if u.ratio(1, 4)? { DepthUnit::new(number(u)?).unwrap_or(DepthUnit::TUM) } else { DepthUnit::MILLIMETRE };
     let k = intrinsics(u)?;
-    let pose = Pose::new(quat(u)?, vec3(u)?).ok();
+    let (turn, place) = (quat(u)?, vec3(u)?);
+    let pose = Pose::new(turn, place).ok();
     let (at, a, b) = (vec2(u)?, vec3(u)?, vec3(u)?);
     let rays = RayParams { max_distance: number(u)?, thickness: number(u)?, holes: holes(u)? };
     let method = *u.choose(&[NormalMethod::Exact, NormalMethod::Paper])?;
@@ -86,6 +90,30 @@ fn answers<D: DepthSample>(u: &mut Unstructured<'_>, next: impl Fn(&mut Unstruct
         let skipping = cast(&frame, Some(&pyramid), &ray, &rays);
         let full = cast(&frame, None, &ray, &rays);
         assert!(same(&skipping, &full), "{skipping:?} {full:?}");
+        let mut bounces = [Bounce::EMPTY; 3];
+        let params = ReflectParams { ray: rays, normals, offset: a.x };
+        let path = reflect(&frame, Some(&pyramid), &ray, &params, &mut bounces);
+        assert!(path.bounces <= bounces.len());
+    }
+
+    // Collisions: a verdict other than unknown has its voters.
+    let object = OrientedBox { centre: a, half: b, rotation: turn };
+    let votes =
+        CollisionParams { tolerance: rays.thickness, threshold: a.x, min_voters: 3.0, ..CollisionParams::default() };
+    let capsule = capsule_points(a, b, at.x);
+    for collision in [vote(&frame, box_points(&object, b), &votes), vote(&frame, capsule, &votes)] {
+        let tally = collision.tally;
+        assert!(collision.verdict == Verdict::Unknown || tally.visible + tally.hidden >= 3, "{collision:?}");
+        assert!(tally.visible + tally.hidden + tally.holes + tally.outside <= 14);
+    }
+
+    // Weather.
+    let mut pool = ParticlePool::<8>::new(times[0] as u64);
+    for params in [ParticleParams::rain(object, b), ParticleParams::snow(object, Vec3::Y)] {
+        for dt in [0.03, at.y] {
+            let report = pool.step(&frame, Some(&pyramid), &params, dt);
+            assert!(report.falling + report.landed <= 8, "{report:?}");
+        }
     }
 
     // Planes.

@@ -1,0 +1,71 @@
+//! The parsers of recordings: files and lists of any content. An error must say something; what is accepted must hold together.
+
+use isobath_recording::CameraFile;
+use isobath_recording::parse::{
+    self, NpyData, ParseError, RawImage, RawPixels, decode_depth_png, parse_npy, parse_pgm, parse_pose_list,
+    parse_pose_matrix, parse_trajectory_log, parse_tum_list, parse_tum_poses,
+};
+
+fn speaks<T>(result: Result<T, ParseError>) -> Option<T> {
+    match result {
+        Ok(value) => Some(value),
+        Err(error) => {
+            assert!(!error.what.is_empty() && !error.hint.is_empty(), "{error:?}");
+            assert!(error.to_string().len() < 2000, "an error message as long as its file");
+            None
+        }
+    }
+}
+
+fn holds(image: &RawImage) {
+    let count = match &image.pixels {
+        RawPixels::U16(v) => v.len(),
+        RawPixels::F32(v) => v.len(),
+    };
+    assert_eq!(count, image.width * image.height);
+    assert!(count > 0 && count <= parse::MAX_PIXELS);
+}
+
+/// NPY arrays.
+pub fn npy(data: &[u8]) {
+    if let Some(array) = speaks(parse_npy(data)) {
+        let count = match &array.data {
+            NpyData::U16(v) => v.len(),
+            NpyData::F32(v) => v.len(),
+        };
+        assert_eq!(count, array.width * array.height);
+    }
+}
+
+/// 16-bit PGM.
+pub fn pgm(data: &[u8]) {
+    if let Some(image) = speaks(parse_pgm(data)) {
+        holds(&image);
+    }
+}
+
+/// 16-bit PNG.
+pub fn depth_png(data: &[u8]) {
+    if let Some(image) = speaks(decode_depth_png(data)) {
+        holds(&image);
+    }
+}
+
+/// `camera.toml`.
+pub fn camera_file(data: &[u8]) {
+    if let Ok(text) = core::str::from_utf8(data) {
+        let _ = speaks(CameraFile::parse(text));
+    }
+}
+
+/// Lists of files and of poses, trajectories and pose matrices.
+pub fn lists(data: &[u8]) {
+    if let Ok(text) = core::str::from_utf8(data) {
+        let lines = text.lines().count();
+        assert!(speaks(parse_tum_list(text)).is_none_or(|l| l.len() <= lines));
+        assert!(speaks(parse_tum_poses(text)).is_none_or(|l| l.len() <= lines));
+        assert!(speaks(parse_trajectory_log(text)).is_none_or(|l| l.len() <= lines));
+        assert!(speaks(parse_pose_list(text)).is_none_or(|l| l.len() <= lines));
+        let _ = speaks(parse_pose_matrix(text));
+    }
+}
