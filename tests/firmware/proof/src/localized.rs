@@ -23,7 +23,6 @@ use crate::W;
 pub(crate) struct Memory {
     normals: [f32; dense::scratch_len(W)],
     bounces: [Bounce; 4],
-    rain: ParticlePool<64>,
 }
 
 impl Memory {
@@ -57,7 +56,8 @@ pub(crate) fn exercise(frame: &DepthFrame<'_>, pyramid: &Pyramid<'_>, ray: Vec3,
     let object = OrientedBox { centre: black_box(Vec3::Z), half: Vec3::splat(0.2), rotation: Quat::IDENTITY };
     let collision = vote(frame, box_points(&object, Vec3::Y), &CollisionParams::default());
     add(black_box(collision).verdict == Verdict::Free);
-    add(memory.rain.step(frame, Some(pyramid), &ParticleParams::rain(object, Vec3::NEG_Y), black_box(0.03)).hits > 0);
+    let mut rain = ParticlePool::<64>::new(black_box(1));
+    add(rain.step(frame, Some(pyramid), &ParticleParams::rain(object, Vec3::NEG_Y), black_box(0.03)).hits > 0);
 
     // A filtered point.
     if let Ok(mut filter) = OneEuro::<Vec3>::new(OneEuroParams::default()) {
