@@ -26,8 +26,7 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    pub(crate) const NEW: Self =
-        Self { normals: [0.0; dense::scratch_len(W)], bounces: [Bounce::EMPTY; 4], rain: ParticlePool::new(1) };
+    pub(crate) const NEW: Self = Self { normals: [0.0; dense::scratch_len(W)], bounces: [Bounce::EMPTY; 4] };
 }
 
 /// Each answer once; a number made from all of them, so that none is removed.
