@@ -124,6 +124,33 @@ proptest! {
     }
 }
 
+/// Rays that pass exactly through pixel corners: the order of tied crossings is the same for pixels and tiles.
+#[test]
+fn through_the_corners_of_pixels() {
+    let mut rng = Rng(31);
+    let k = Intrinsics::new(64.0, 64.0, -0.5, -0.5).unwrap();
+    let mut skipped = 0;
+    for _ in 0..300 {
+        // Nothing near but single pixels at half a metre.
+        let data: Vec<u16> = (0..64 * 64).map(|_| if rng.next().is_multiple_of(40) { 500 } else { 3000 }).collect();
+        let frame = DepthFrame::new(ImageView::new(&data, 64, 64).unwrap(), DepthUnit::MILLIMETRE, k);
+        let mut cells = vec![Cell::EMPTY; cells_needed(64, 64)];
+        let pyramid = Pyramid::build(frame.depth(), &mut cells).unwrap();
+        for (x, y) in [(1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (1.0, 4.0), (4.0, 1.0), (1.0, 8.0), (8.0, 1.0)] {
+            let there = Vec3::new(x, y, 0.0);
+            let back = Ray::new(there / there.max_element() + Vec3::Z, -there).unwrap();
+            for ray in [Ray::new(Vec3::Z, there).unwrap(), back] {
+                let full = cast(&frame, None, &ray, &RayParams::default());
+                let fast = cast(&frame, Some(&pyramid), &ray, &RayParams::default());
+                assert_eq!(full.outcome, fast.outcome, "{ray:?}");
+                assert_eq!(full.work.done, fast.work.done + fast.work.skipped);
+                skipped += fast.work.skipped;
+            }
+        }
+    }
+    assert!(skipped > 10_000, "{skipped}");
+}
+
 fn finite(outcome: &RayOutcome) -> bool {
     match outcome {
         RayOutcome::Hit(h) => h.point.is_finite() && h.distance.is_finite() && h.z.is_finite() && h.z > 0.0,
