@@ -13,15 +13,15 @@ use crate::skipping::pyramid::Pyramid;
 pub struct SearchParams {
     /// Pixel from which the rings grow; `None` (default): the image's middle.
     pub start: Option<(usize, usize)>,
-    /// Pixels between spots. Default 8; at least 1.
-    pub step: usize,
-    /// Spots tried at most. Default 400 (all of 160 x 120 at step 8 are 300).
+    /// Pixels between spots, at least 1; `None` (default): a twentieth of the image's longer side.
+    pub step: Option<usize>,
+    /// Spots tried at most. Default 450: all at the default step.
     pub max_tries: u32,
 }
 
 impl Default for SearchParams {
     fn default() -> Self {
-        Self { start: None, step: 8, max_tries: 400 }
+        Self { start: None, step: None, max_tries: 450 }
     }
 }
 
@@ -75,15 +75,19 @@ pub fn find_place<D: DepthSample>(
     best.fill(None);
     let mut report = SearchReport::default();
     let (width, height) = frame.size();
-    let step = search.step.clamp(1, 1 << 16) as i64;
+    let step = search.step.unwrap_or(width.max(height) / 20).clamp(1, 1 << 16) as i64;
     let (x0, y0) = search.start.unwrap_or((width / 2, height / 2));
     let (x0, y0) = (x0.min(width) as i64, y0.min(height) as i64);
     let rings = width.max(height) as i64 / step + 1;
     'rings: for ring in 0..=rings {
-        for j in -ring..=ring {
+        // Only rows and columns within the image: a thin image has long rings of little.
+        let (up, down) = ((y0 / step).min(ring), ((height as i64 - y0) / step).min(ring));
+        let (left, right) = ((x0 / step).min(ring), ((width as i64 - x0) / step).min(ring));
+        for j in -up..=down {
             // Whole rows at the top and the bottom of the ring, its two ends between.
-            let stride = if j.abs() == ring { 1 } else { (2 * ring).max(1) };
-            for i in (-ring..=ring).step_by(stride as usize) {
+            let whole = j.abs() == ring;
+            let (first, last, stride) = if whole { (-left, right, 1) } else { (-ring, ring, 2 * ring as usize) };
+            for i in (first..=last).step_by(stride) {
                 let spot = (usize::try_from(x0 + i * step), usize::try_from(y0 + j * step));
                 let (Ok(x), Ok(y)) = spot else { continue };
                 if x >= width || y >= height {

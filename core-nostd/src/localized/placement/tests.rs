@@ -223,9 +223,14 @@ fn bad_arguments_have_answers() {
         let params = PlaceParams::new(Vec3::splat(0.01), Vec3::NEG_Z);
         assert!(place(&frame, None, Spot::Pixel(0, 0), &params).outcome.is_err());
         let mut best = [None; 2];
-        let search = SearchParams { start: Some((usize::MAX, 0)), step: 0, max_tries: 50 };
+        let search = SearchParams { start: Some((usize::MAX, 0)), step: Some(0), max_tries: 50 };
         assert_eq!(find_place(&frame, None, &params, &search, &mut best).found, 0);
     }
+    // A very wide image and the finest step: as much work as there are pixels, no more.
+    let wide = vec![0_u16; 65_535];
+    let frame = DepthFrame::new(ImageView::new(&wide, 65_535, 1).unwrap(), DepthUnit::MILLIMETRE, K);
+    let search = SearchParams { start: Some((0, 0)), step: Some(1), max_tries: u32::MAX };
+    assert_eq!(find_place(&frame, None, &cube(0.1), &search, &mut [None]).tried, 65_535);
     // A box below a pixel's size is not judged.
     let speck = PlaceParams { size: Vec3::splat(1e-3), ..cube(0.1) };
     assert!(at(Spot::World(Vec3::new(0.0, 0.0, 2.0)), &speck).is_err());
@@ -291,11 +296,11 @@ fn found_places_are_free() {
 #[test]
 fn a_search_is_bounded_and_says_so() {
     let data = render(&[]);
-    let search = SearchParams { start: Some((10, 100)), step: 5, max_tries: 7 };
+    let search = SearchParams { start: Some((10, 100)), step: Some(5), max_tries: 7 };
     let mut best = [None; 2];
     let report = find_place(&frame(&data), None, &cube(0.1), &search, &mut best);
     assert!(report.exhausted && report.tried == 7);
-    let all = SearchParams { max_tries: u32::MAX, step: 16, start: None };
+    let all = SearchParams { max_tries: u32::MAX, step: Some(16), start: None };
     let report = find_place(&frame(&data), None, &cube(0.1), &all, &mut []);
     assert!(!report.exhausted && report.found == 0);
     // Every pixel of the grid once: x = 0, 16, ..., 144 and y = 60 - 48, ..., 60 + 48.

@@ -9,7 +9,6 @@
 use glam::Vec3;
 
 use crate::ground::geometry::Ray;
-use crate::ground::math;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
@@ -62,7 +61,7 @@ impl Axis {
             if inclusive { at <= limit } else { at < limit }
         };
         // A guess by multiplication, put right by the very comparisons that a walk pixel by pixel makes.
-        let guess = math::floor(self.base + limit * self.step) as usize;
+        let guess = (self.base + limit * self.step) as usize;
         let last = span.1.saturating_sub(1);
         if self.step > 0.0 {
             let mut at = guess.min(last).max(pixel);
@@ -88,16 +87,27 @@ impl Axis {
     }
 }
 
-/// A step from a pixel to the first pixel beyond its tile.
-pub(super) struct Leap {
-    /// Progress on leaving the tile, or at the line's end.
+/// Where the line leaves the square tile that holds a pixel.
+pub(super) struct Exit {
+    columns: (usize, usize),
+    rows: (usize, usize),
+    /// Progress there, or at the line's end when it ends in the tile.
     pub(super) progress: f32,
-    /// The pixel there; `None` when the line ends or leaves the image.
-    pub(super) next: Option<(usize, usize)>,
+    /// Through which side; `None` when the line ends in the tile.
+    side: Option<Side>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    Column,
+    Row,
+}
+
+impl Exit {
     /// The line ends in the tile.
-    pub(super) ends: bool,
-    /// Pixels passed, the first included and `next` not.
-    pub(super) pixels: u32,
+    pub(super) const fn ends(&self) -> bool {
+        self.side.is_none()
+    }
 }
 
 /// The visible part of a ray.
@@ -222,30 +232,41 @@ impl Line {
         (along(&self.u), along(&self.v))
     }
 
-    /// On from a pixel, out of the square tile that holds it. Crossings are taken in the order of their progress, a column
-    /// before a row; those at or after the line's end are not taken.
-    pub(super) fn leap(&self, at: (usize, usize), tile: usize) -> Leap {
-        let (su, sv) = (self.u.span(at.0, tile), self.v.span(at.1, tile));
-        let (pu, pv) = (self.u.exit(su), self.v.exit(sv));
-        let ends = !(pu < self.end || pv < self.end);
-        let (progress, x, y);
-        let last; // the last pixel in the tile
-        if ends {
-            progress = self.end;
-            last = (self.u.advance(at.0, su, progress, false), self.v.advance(at.1, sv, progress, false));
-            (x, y) = (None, None);
+    /// The end of the way through the tile (side a power of two) that holds a pixel. Crossings are taken in the order of
+    /// their progress, a column before a row; those at or after the line's end are not taken.
+    pub(super) fn exit(&self, at: (usize, usize), tile: usize) -> Exit {
+        let (columns, rows) = (self.u.span(at.0, tile), self.v.span(at.1, tile));
+        let (pu, pv) = (self.u.exit(columns), self.v.exit(rows));
+        let (progress, side) = if !(pu < self.end || pv < self.end) {
+            (self.end, None)
         } else if pu <= pv {
-            progress = pu;
-            let row = self.v.advance(at.1, sv, progress, false);
-            last = (if self.u.step > 0.0 { su.1.saturating_sub(1) } else { su.0 }, row);
-            (x, y) = (self.u.after(su), Some(row));
+            (pu, Some(Side::Column))
         } else {
-            progress = pv;
-            let column = self.u.advance(at.0, su, progress, true);
-            last = (column, if self.v.step > 0.0 { sv.1.saturating_sub(1) } else { sv.0 });
-            (x, y) = (Some(column), self.v.after(sv));
+            (pv, Some(Side::Row))
+        };
+        Exit { columns, rows, progress, side }
+    }
+
+    /// The next pixel after an exit from a tile of one pixel; `None` when the line ends or leaves the image.
+    pub(super) fn next(&self, at: (usize, usize), exit: &Exit) -> Option<(usize, usize)> {
+        match exit.side? {
+            Side::Column => Some((self.u.after(exit.columns)?, at.1)),
+            Side::Row => Some((at.0, self.v.after(exit.rows)?)),
         }
-        let pixels = 1 + last.0.abs_diff(at.0) + last.1.abs_diff(at.1);
-        Leap { progress, next: x.zip(y), ends, pixels: pixels as u32 }
+    }
+
+    /// As [`Self::next`] for a tile of any size, and how many of its pixels are passed.
+    pub(super) fn leap(&self, at: (usize, usize), exit: &Exit) -> (Option<(usize, usize)>, u32) {
+        let last = |axis: &Axis, span: (usize, usize)| if axis.step > 0.0 { span.1.saturating_sub(1) } else { span.0 };
+        let column = match exit.side {
+            Some(Side::Column) => last(&self.u, exit.columns),
+            side => self.u.advance(at.0, exit.columns, exit.progress, side.is_some()),
+        };
+        let row = match exit.side {
+            Some(Side::Row) => last(&self.v, exit.rows),
+            _ => self.v.advance(at.1, exit.rows, exit.progress, false),
+        };
+        let pixels = 1 + column.abs_diff(at.0) + row.abs_diff(at.1);
+        (self.next((column, row), exit), pixels as u32)
     }
 }
