@@ -120,7 +120,7 @@ pub fn hit_test<D: DepthSample>(frame: &DepthFrame<'_, D>, at: Vec2, params: &Hi
         estimate,
         z,
         range: z * ray.length(),
-        sigma_z: params.noise.sigma(z, frame.unit()),
+        sigma_z: params.noise.sigma::<D>(z, frame.unit()),
         confidence: frame.confidence().and_then(|c| c.get(x, y)).unwrap_or(FULL),
         pixel,
     })
@@ -178,6 +178,8 @@ mod tests {
             assert!((hit.z - z(u, v)).abs() < 2e-6 * hit.z, "{u},{v}: {} against {}", hit.z, z(u, v));
             assert!((k.project(hit.camera_point).unwrap() - vec2(u, v)).length() < 1e-4);
             assert!((hit.range - hit.camera_point.length()).abs() < 1e-5);
+            // No rounding in floats: the noise model alone.
+            assert!((hit.sigma_z - 1.425e-3 * hit.z * hit.z).abs() < 1e-6);
         }
     }
 

@@ -91,7 +91,7 @@ pub fn to_camera<D: DepthSample>(
     if !(z > 0.0) {
         return None;
     }
-    let sigma = noise.sigma(z, frame.unit());
+    let sigma = noise.sigma::<D>(z, frame.unit());
     let slant = frame.intrinsics().ray(Vec2::new(x as f32, y as f32)).length();
     Some(CameraDistance { z: Measured { value: z, sigma }, range: Measured { value: z * slant, sigma: sigma * slant } })
 }
@@ -246,7 +246,7 @@ mod tests {
             .map(|i| {
                 let ray = camera().ray(Vec2::new((i % 64) as f32, (i / 64) as f32));
                 let z = plane.offset() / plane.normal().dot(ray);
-                if noisy { z + NOISE.sigma(z, DepthUnit::MILLIMETRE) * gauss(s) } else { z }
+                if noisy { z + NOISE.sigma::<u16>(z, DepthUnit::MILLIMETRE) * gauss(s) } else { z }
             })
             .collect()
     }

@@ -18,6 +18,7 @@
 //! Memory: none for single points; dense, [`dense::scratch_len`] floats (11 kB at 160 pixels of width). Cost at radius 0: see the
 //! bench; about 3 ns a pixel dense, 60 ns for a single point.
 
+pub mod adaptive;
 pub mod dense;
 mod exact;
 mod fit;

@@ -416,7 +416,7 @@ mod tests {
                     }
                 }
                 let z = t / d.length();
-                let sigma = noise.map_or(0.0, |n| n.sigma(z, DepthUnit::MILLIMETRE));
+                let sigma = noise.map_or(0.0, |n| n.sigma::<u16>(z, DepthUnit::MILLIMETRE));
                 u16::from_metres(z + sigma * gauss(), DepthUnit::MILLIMETRE)
             })
             .collect()

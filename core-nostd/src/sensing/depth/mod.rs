@@ -84,6 +84,8 @@ pub trait DepthSample: Copy + PartialEq + PartialOrd + fmt::Debug + Send + Sync 
     const HOLE: Self;
     /// Larger than every valid value: the start of a search for the minimum.
     const ABOVE_ALL: Self;
+    /// Standard deviation of rounding to whole steps, in steps: 1 / sqrt 12 for integers, 0 for floats.
+    const ROUNDING: f32;
 
     /// Whether the value is a reading.
     fn is_valid(self) -> bool;
@@ -101,6 +103,7 @@ pub trait DepthSample: Copy + PartialEq + PartialOrd + fmt::Debug + Send + Sync 
 impl DepthSample for u16 {
     const HOLE: Self = 0;
     const ABOVE_ALL: Self = Self::MAX;
+    const ROUNDING: f32 = 0.288_675_13;
 
     #[inline(always)]
     fn is_valid(self) -> bool {
@@ -128,6 +131,7 @@ impl DepthSample for u16 {
 impl DepthSample for f32 {
     const HOLE: Self = 0.0;
     const ABOVE_ALL: Self = Self::INFINITY;
+    const ROUNDING: f32 = 0.0;
 
     #[inline(always)]
     fn is_valid(self) -> bool {

@@ -1,16 +1,16 @@
 //! How large an error to expect of a reading: the error bar's source.
 //!
-//! sigma(z) = constant + linear z + quadratic z^2, and the unit's rounding (unit / sqrt 12) added in squares. Triangulating
-//! sensors (structured light, stereo) grow with z^2, time of flight roughly with z.
+//! sigma(z) = constant + linear z + quadratic z^2, and for integer depth the unit's rounding (unit / sqrt 12) added in squares.
+//! Triangulating sensors (structured light, stereo) grow with z^2, time of flight roughly with z.
 
 use crate::ground::math;
-use crate::sensing::depth::DepthUnit;
+use crate::sensing::depth::{DepthSample, DepthUnit};
 
 /// Standard deviation of depth as a polynomial of depth.
 ///
 /// ```
 /// use isobath::sensing::depth::{noise::DepthNoise, DepthUnit};
-/// let sigma = DepthNoise::KINECT.sigma(2.0, DepthUnit::MILLIMETRE);
+/// let sigma = DepthNoise::KINECT.sigma::<u16>(2.0, DepthUnit::MILLIMETRE);
 /// assert!((sigma - 0.0057).abs() < 1e-4); // 5.7 mm at 2 m
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,11 +31,11 @@ impl DepthNoise {
     /// A typical phone or headset time-of-flight sensor: 2 mm and 0.5 % of depth.
     pub const TIME_OF_FLIGHT: Self = Self { constant: 0.002, linear: 0.005, quadratic: 0.0 };
 
-    /// Standard deviation in metres at depth `z` metres, with values rounded to `unit`.
+    /// Standard deviation in metres at depth `z` metres, of depth held as `D` in `unit`.
     #[must_use]
-    pub fn sigma(&self, z: f32, unit: DepthUnit) -> f32 {
+    pub fn sigma<D: DepthSample>(&self, z: f32, unit: DepthUnit) -> f32 {
         let model = self.constant + z * (self.linear + z * self.quadratic);
-        let rounding = unit.metres() * 0.288_675_13;
+        let rounding = unit.metres() * D::ROUNDING;
         math::sqrt(model * model + rounding * rounding)
     }
 }
