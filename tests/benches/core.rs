@@ -100,7 +100,7 @@ fn queries(c: &mut Criterion) {
             b.iter(|| {
                 let (x, y) = next();
                 black_box(normal_at(black_box(&frame), x, y, &params));
-            })
+            });
         });
     }
     for (name, params) in [
@@ -111,7 +111,7 @@ fn queries(c: &mut Criterion) {
             b.iter(|| {
                 let (x, y) = next();
                 black_box(hit_test(black_box(&frame), vec2(x as f32 + 0.3, y as f32 - 0.2), &params));
-            })
+            });
         });
     }
     // From beside the camera, across the view, to a pixel's point.
@@ -123,7 +123,7 @@ fn queries(c: &mut Criterion) {
                 let target = frame.point(x, y).unwrap_or(Vec3::Z);
                 let ray = Ray::new(origin, target - origin).unwrap();
                 black_box(cast(black_box(&frame), skipping, &ray, &RayParams::default()));
-            })
+            });
         });
     }
     group.finish();

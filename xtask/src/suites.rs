@@ -49,7 +49,7 @@ const SUITES: &[Suite] = &[
         name: "tests",
         quick: true,
         what: "unit, integration and documentation tests; seed corpora replayed",
-        run: |_| Cmd::new("cargo").args(["test", "--workspace"]).run(),
+        run: |_| Cmd::new("cargo").args(["test", "--workspace", "--no-fail-fast"]).run(),
     },
     Suite {
         name: "numerics",
