@@ -9,7 +9,7 @@
 //!
 //! The hit is an argument ([`hit`](crate::localized::hit) gives it). Over holes the last good pose is held, with its age.
 //!
-//! Memory: at most 80 bytes of state. Cost: about 60 operations and 4 trigonometric calls. Error: the answer at a time does
+//! Memory: at most 80 bytes of state. Cost: a few dozen operations and half a dozen trigonometric calls. Error: the answer at a time does
 //! not depend on the frame rate (to 1e-5, held by a test).
 
 use core::fmt;
@@ -269,6 +269,7 @@ mod tests {
         assert_eq!(r.update(None, &Pose::IDENTITY, at(2.6)), ReticleState::Lost);
         r.update(hit(Vec3::NEG_Z), &Pose::IDENTITY, at(3.0));
         assert_eq!(r.update(None, &Pose::IDENTITY, at(2.9)), ReticleState::Lost, "time ran backward");
+        assert!(size_of::<Reticle>() <= 80);
         let bad = Reticle::new(ReticleParams { hold: f32::NAN, ..ReticleParams::DEFAULT });
         assert_eq!(bad.unwrap_err().name, "hold");
     }

@@ -28,6 +28,9 @@ use crate::skipping::Work;
 const BINS: usize = 256;
 /// A peak is a bin and this many neighbours on each side: noise and a tilted *up* spread a floor over several.
 const SIDE: usize = 2;
+/// Share of its depth by which a pixel may lie off the straight line (in inverse depth) between its neighbours: four
+/// standard deviations of a Kinect at 4 m.
+const STRAIGHT: f32 = 0.03;
 /// Cells of the direction histogram along each axis.
 const DIRECTIONS: usize = 16;
 
@@ -217,7 +220,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
         let (sx, sy) = (step(k.fx()), step(k.fy()));
         let (left, right) = (self.frame.z(x.checked_sub(sx)?, y), self.frame.z(x + sx, y));
         let (above, below) = (self.frame.z(x, y.checked_sub(sy)?), self.frame.z(x, y + sy));
-        let straight = |a: f32, b: f32| a > 0.0 && b > 0.0 && (0.5 * z * (1.0 / a + 1.0 / b) - 1.0).abs() < 0.03;
+        let straight = |a: f32, b: f32| a > 0.0 && b > 0.0 && (0.5 * z * (1.0 / a + 1.0 / b) - 1.0).abs() < STRAIGHT;
         if !straight(left, right) || !straight(above, below) {
             return None;
         }
