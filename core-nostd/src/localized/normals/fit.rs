@@ -57,9 +57,9 @@ impl Patch {
         Some(patch)
     }
 
-    /// Least squares over the pixels within `base + per_pixel * distance` of the plane (c, a, b); `None` when they do not
-    /// span a plane.
-    fn solve(&self, (c, a, b): (f32, f32, f32), base: f32, per_pixel: f32) -> Option<Fit> {
+    /// Least squares over the pixels that `rule` lets in; `None` when they do not span a plane.
+    fn solve(&self, rule: &Rule) -> Option<Fit> {
+        let &Rule { plane: (c, a, b), tolerance, max_step, within } = rule;
         // Down the columns, every column a lane.
         let dx: [f32; COLUMNS] = core::array::from_fn(|i| self.dx + i as f32);
         let centre: [f32; COLUMNS] = dx.map(|dx| c + a * dx);
@@ -78,7 +78,9 @@ impl Patch {
                     let value = line[i];
                     let distance = if dx[i].abs() > far { dx[i].abs() } else { far };
                     // False for NaN: holes and padding drop out.
-                    let keep = (value - centre[i] - tilt).abs() <= base + per_pixel * distance;
+                    let keep = ((value - centre[i] - tilt).abs() <= tolerance)
+                        & (value.abs() <= SLACK + max_step * distance)
+                        & (distance <= within);
                     let one = if keep { 1.0 } else { 0.0 };
                     let value = if keep { value } else { 0.0 };
                     n[i] += one;
@@ -111,29 +113,53 @@ impl Patch {
         let a = (xw * yy - yw * xy) / det;
         let b = (yw * xx - xw * xy) / det;
         let squares = (ww - a * xw - b * yw).max(0.0);
-        Some(Fit { c: mw - a * mx - b * my, a, b, rms: math::sqrt(squares / n), n })
+        // Three numbers were fitted: n - 3 are left to tell the noise.
+        let rms = math::sqrt(squares / (n - 3.0).max(1.0));
+        Some(Fit { c: mw - a * mx - b * my, a, b, rms, n })
     }
 }
 
-/// First the pixels within `max_step` of the centre's depth per pixel of distance, then twice those within 2.5 standard
-/// deviations of the last fit, so that what the coarse rule let in across an edge drops out.
+/// Share of the centre's inverse depth that noise alone may move a neighbour by: twice a Kinect's at 8 m.
+const SLACK: f32 = 0.02;
+/// Tangent of the steepest surface (against the line of sight) that is followed by default: 80 degrees.
+const STEEPEST: f32 = 5.67;
+
+/// Which pixels a fit is made of.
+struct Rule {
+    /// Within `tolerance` of this plane (value at the centre, slopes).
+    plane: (f32, f32, f32),
+    tolerance: f32,
+    /// Within this of the centre's value, per pixel of distance, besides [`SLACK`].
+    max_step: f32,
+    /// At most this many pixels from the centre, the larger of across and down.
+    within: f32,
+}
+
+/// First the 5 x 5 pixels around the centre that are reached by steps of `max_step`; then, of the whole window, those within
+/// three standard deviations of the first plane; and once more. The first plane is small so that it stays on the
+/// centre's side of an edge.
 pub(super) fn at<D: DepthSample>(
     frame: &DepthFrame<'_, D>,
     x: usize,
     y: usize,
     radius: u8,
-    max_step: f32,
+    max_step: Option<f32>,
 ) -> Option<NormalEstimate> {
+    let k = frame.intrinsics();
+    let max_step = max_step.unwrap_or(STEEPEST / k.fx().abs().min(k.fy().abs()));
     let patch = Patch::gather(frame, x, y, radius.min(MAX_RADIUS))?;
-    let mut fit = patch.solve((0.0, 0.0, 0.0), 0.0, max_step)?;
+    let mut rule = Rule { plane: (0.0, 0.0, 0.0), tolerance: f32::INFINITY, max_step, within: 2.0 };
+    let mut fit = patch.solve(&rule)?;
+    rule.within = f32::from(radius);
     for _ in 0..2 {
+        rule.plane = (fit.c, fit.a, fit.b);
         // Rounding alone leaves 2e-6 even on a perfect plane.
-        match patch.solve((fit.c, fit.a, fit.b), 2.5 * fit.rms + 2e-6, 0.0) {
+        rule.tolerance = 3.0 * fit.rms + 2e-6;
+        match patch.solve(&rule) {
             Some(better) => fit = better,
             None => break,
         }
     }
-    let k = frame.intrinsics();
     let (dx, dy) = (x as f32 - k.cx(), y as f32 - k.cy());
     let normal = Vec3::from(facing(1.0 + fit.c, fit.a, fit.b, dx, dy, k.fx(), k.fy()));
     let z = frame.z(x, y);

@@ -102,6 +102,31 @@ fn a_step_edge_does_not_bend_the_normals_beside_it() {
 }
 
 #[test]
+fn the_wide_fit_stays_on_its_side_of_any_step() {
+    // Walls of many distances beside each other, seen from either side, with and without a hole in between.
+    let k = Intrinsics::new(200.0, 200.0, 15.5, 15.5).unwrap();
+    for far in [1.1_f32, 1.3, 2.0, 3.0, 8.0] {
+        for hole in [false, true] {
+            let depth: Vec<f32> = (0..32 * 32)
+                .map(|i| match i % 32 {
+                    16 if hole => 0.0,
+                    0..=15 => 1.0,
+                    _ => far,
+                })
+                .collect();
+            let frame = DepthFrame::new(ImageView::new(&depth, 32, 32).unwrap(), DepthUnit::METRE, k);
+            for radius in 1..=MAX_RADIUS {
+                for x in (0..32).filter(|&x| depth[x] > 0.0) {
+                    let e = normal_at(&frame, x, 12, &NormalParams { radius, ..NormalParams::default() }).unwrap();
+                    let error = error_deg(e.normal, [0.0, 0.0, -1.0]);
+                    assert!(error < 0.05, "far {far} hole {hole} radius {radius} x {x}: {error} {e:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn one_hole_costs_nothing_and_gets_nothing() {
     let k = Intrinsics::new(200.0, 200.0, 31.5, 23.5).unwrap();
     let n = tilted(50.0, 2.2);

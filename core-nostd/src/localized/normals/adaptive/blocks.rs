@@ -49,17 +49,24 @@ impl<'a> BlockRow<'a> {
 
     pub(super) fn clear(&mut self) {
         for field in [
-            &mut self.n, &mut self.x, &mut self.y, &mut self.xx, &mut self.xy, &mut self.yy, &mut self.c, &mut self.a,
-            &mut self.b, &mut self.q,
+            &mut self.n,
+            &mut self.x,
+            &mut self.y,
+            &mut self.xx,
+            &mut self.xy,
+            &mut self.yy,
+            &mut self.c,
+            &mut self.a,
+            &mut self.b,
+            &mut self.q,
         ] {
             field.fill(0.0);
         }
     }
 
     fn set(&mut self, i: usize, v: [f32; BLOCK_FIELDS]) {
-        let fields: [&mut [f32]; BLOCK_FIELDS] = [
-            self.n, self.x, self.y, self.xx, self.xy, self.yy, self.c, self.a, self.b, self.q,
-        ];
+        let fields: [&mut [f32]; BLOCK_FIELDS] =
+            [self.n, self.x, self.y, self.xx, self.xy, self.yy, self.c, self.a, self.b, self.q];
         for (field, value) in fields.into_iter().zip(v) {
             if let Some(cell) = field.get_mut(i) {
                 *cell = value;
@@ -96,7 +103,8 @@ pub(super) fn fill<D: DepthSample, const B: usize>(
         read_line(context, row * B + j, line);
         let dy = j as f32 - (B as f32 - 1.0) / 2.0;
         let dyy = dy * dy;
-        let cells = n.iter_mut().zip(y.iter_mut()).zip(yy.iter_mut()).zip(w.iter_mut()).zip(yw.iter_mut()).zip(ww.iter_mut());
+        let cells =
+            n.iter_mut().zip(y.iter_mut()).zip(yy.iter_mut()).zip(w.iter_mut()).zip(yw.iter_mut()).zip(ww.iter_mut());
         for ((((((n, y), yy), w), yw), ww), (&value, &reference)) in cells.zip(line.iter().zip(reference.iter())) {
             let real = value < 1e20;
             let one = if real { 1.0 } else { 0.0 };

@@ -44,7 +44,8 @@ pub(super) fn answer<D: DepthSample, const B: usize>(
             }
             work.done += real;
             if real == on {
-                let fields = [(x, value(middle.nx)), (y, value(middle.ny)), (z, value(middle.nz)), (sigma, value(middle.sigma))];
+                let fields =
+                    [(x, value(middle.nx)), (y, value(middle.ny)), (z, value(middle.nz)), (sigma, value(middle.sigma))];
                 if real as usize == B {
                     for (out, v) in fields {
                         out.fill(v);
@@ -80,9 +81,8 @@ fn choose<const B: usize>(windows: [&WindowRow<'_>; 3], at: usize, k: usize, dy:
         let e = (*row.c.get(i)? + *row.a.get(i)? * (dx - ox) + *row.b.get(i)? * (dy - oy) - w).abs();
         (e <= reach).then_some(e)
     };
-    let take = |row: &WindowRow<'_>, i: usize| {
-        Some([*row.nx.get(i)?, *row.ny.get(i)?, *row.nz.get(i)?, *row.sigma.get(i)?])
-    };
+    let take =
+        |row: &WindowRow<'_>, i: usize| Some([*row.nx.get(i)?, *row.ny.get(i)?, *row.nz.get(i)?, *row.sigma.get(i)?]);
     let [above, middle, below] = windows;
     if residual(middle, at, 0.0, 0.0).is_some() {
         return take(middle, at);

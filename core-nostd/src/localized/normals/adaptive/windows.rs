@@ -28,16 +28,8 @@ impl<'a> WindowRow<'a> {
     pub(super) fn new(storage: &'a mut [f32], cells: usize) -> Self {
         let mut parts = storage.chunks_mut(cells.max(1));
         let mut next = || parts.next().unwrap_or_default();
-        let mut row = Self {
-            c: next(),
-            a: next(),
-            b: next(),
-            nx: next(),
-            ny: next(),
-            nz: next(),
-            sigma: next(),
-            reach: next(),
-        };
+        let mut row =
+            Self { c: next(), a: next(), b: next(), nx: next(), ny: next(), nz: next(), sigma: next(), reach: next() };
         row.clear();
         row
     }
