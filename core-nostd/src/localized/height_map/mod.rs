@@ -12,7 +12,7 @@
 //! ([`HolePolicy`](crate::sensing::depth::HolePolicy)).
 //!
 //! Memory: 20 bytes a cell in the caller's slice (64 x 64: 82 kB, 128 x 128: 328 kB), 104 bytes for the map. Cost: about
-//! 20 ns a reading on a desktop core, most of it the scattered write. Error: that of the readings; rounding under 1e-4 m
+//! 20 ns a reading on a desktop core. Error: that of the readings; rounding under 1e-4 m
 //! within 10 m of the map's centre (held by a test).
 
 use core::fmt;
