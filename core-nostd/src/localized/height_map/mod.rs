@@ -288,6 +288,21 @@ impl<'a> HeightMap<'a> {
         Ok(Self { grid, params, cells, generation: 0 })
     }
 
+    /// Lays the map elsewhere, of nothing known, in the same cells: when tracking starts anew, or the user has walked off it.
+    ///
+    /// # Errors
+    /// [`HeightMapError::CapacityExceeded`] when the grid has more cells than the map was made with; the map is kept.
+    pub fn restart(&mut self, grid: Grid) -> Result<(), HeightMapError> {
+        let (needed, got) = (grid.cells(), self.cells.len());
+        if needed > got {
+            return Err(HeightMapError::CapacityExceeded { needed, got });
+        }
+        self.generation = self.generation.saturating_add(1);
+        self.cells.fill(HeightCell { changed: self.generation, ..HeightCell::UNKNOWN });
+        self.grid = grid;
+        Ok(())
+    }
+
     /// Where it lies.
     #[must_use]
     pub const fn grid(&self) -> &Grid {
@@ -308,8 +323,8 @@ impl<'a> HeightMap<'a> {
 
     /// All cells, row after row.
     #[must_use]
-    pub const fn cells(&self) -> &[HeightCell] {
-        self.cells
+    pub fn cells(&self) -> &[HeightCell] {
+        self.cells.get(..self.grid.cells()).unwrap_or(&[])
     }
 
     /// One cell; `None` outside.

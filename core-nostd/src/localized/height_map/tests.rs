@@ -131,3 +131,17 @@ fn hostile_frames_leave_the_map_sane() {
         assert!(map.cells().iter().all(|c| c.mean.is_finite()));
     }
 }
+
+#[test]
+fn a_restarted_map_knows_nothing_and_lies_elsewhere() {
+    let mut cells = [HeightCell::UNKNOWN; 12];
+    let mut map = HeightMap::new(grid(0.1, 4, 3), &mut cells, HeightMapParams::DEFAULT).unwrap();
+    map.set(1, 1, 0.3, 0.4);
+    let before = map.generation();
+    map.restart(grid(0.2, 2, 3)).unwrap();
+    assert_eq!(map.grid(), &grid(0.2, 2, 3));
+    assert!(map.cells().len() == 6 && map.cells().iter().all(|c| !c.is_known() && c.changed > before));
+    let e = map.restart(grid(0.1, 5, 3)).unwrap_err();
+    assert_eq!(e, HeightMapError::CapacityExceeded { needed: 15, got: 12 });
+    assert_eq!(map.grid(), &grid(0.2, 2, 3), "kept");
+}

@@ -56,6 +56,13 @@ impl Node {
     /// Its readings spread over more than a step: its mean says nothing.
     const MIXED: u8 = 8;
 
+    /// Whether the walker of the last plan could stand in the middle of this node's cell (nodes lie as the map's cells do).
+    /// Meaningless before the first plan.
+    #[must_use]
+    pub const fn is_walkable(&self) -> bool {
+        self.walkable()
+    }
+
     const fn walkable(&self) -> bool {
         self.state & (Self::OBSTACLE | Self::CLOSE | Self::UNKNOWN) == 0
     }
