@@ -1,0 +1,418 @@
+//! The command line: what can be asked, how, with examples. clap turns this into `--help`, completions and exit code 2.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use isobath::glam::{Vec2, Vec3};
+
+const AFTER: &str = "\
+Start here:
+  isobath run data/motorcycle            look at everything, write out/motorcycle/report.html
+  isobath hit data/motorcycle --pixel 370,250
+  isobath help run                       everything about one command
+
+Lengths are metres, angles degrees on the command line. Pixels count from the top left, pixel
+centres at whole numbers. The camera frame is x right, y down, z forward; depth `z` is along the
+axis, `range` is the length of the ray. Points and directions are world coordinates: the camera
+frame itself when the recording has no poses.
+
+Exit codes: 0 fine, 1 failed, 2 the command line was wrong. An answer such as `no depth there`
+is an answer: exit code 0.";
+
+/// Depth cameras turned into answers: is this solid, which way does it face, does the object fit, how does one walk there
+#[derive(Debug, Parser)]
+#[command(name = "isobath", version, after_help = AFTER, propagate_version = true, max_term_width = 100)]
+pub(crate) struct Cli {
+    /// Answer as JSON, for machines (lengths in metres: names end in `_m`); errors too, on stderr
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// The main job: every frame through every answer, into a report that a person can look at
+    Run(RunArgs),
+    /// What is in a recording: frames, size, camera, poses, readings
+    Info(InfoArgs),
+    /// The surface normal of every pixel, as an array or a picture
+    Normals(NormalsArgs),
+    /// Every pixel as a 3D point
+    Points(PointsArgs),
+    /// What is behind a pixel: point, normal, distance, error bar
+    Hit(HitArgs),
+    /// Where a ray meets the scene
+    Raycast(RaycastArgs),
+    /// The distance between two pixels' points, with its error bar
+    Measure(MeasureArgs),
+    /// Does a box at this place collide with the scene?
+    Place(PlaceArgs),
+    /// Where is there room for a box of this size?
+    FindPlace(FindPlaceArgs),
+    /// How to walk from one point to another, around what can't be climbed
+    Path(PathArgs),
+    /// Completions for your shell, on stdout
+    #[command(
+        after_help = "Examples:\n  isobath completions bash > ~/.local/share/bash-completion/completions/isobath\n  \
+        isobath completions zsh > ~/.zfunc/_isobath\n  isobath completions fish > ~/.config/fish/completions/isobath.fish"
+    )]
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// What is read, and what the files don't say themselves.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct SourceArgs {
+    /// A recording's folder (TUM RGB-D, 7-Scenes, Open3D, or depth images with a camera.toml), or one depth image
+    /// (16-bit PNG or PGM, NPY, Android DEPTH16 .bin)
+    #[arg(value_name = "SRC")]
+    pub(crate) src: PathBuf,
+
+    /// Camera file to use instead of SRC's own camera.toml
+    #[arg(long, value_name = "FILE", help_heading = "Camera", conflicts_with = "intrinsics")]
+    pub(crate) camera: Option<PathBuf>,
+
+    /// Focal lengths and principal point in pixels, by hand; a negative fy means y up
+    #[arg(
+        long,
+        value_name = "FX,FY,CX,CY",
+        value_parser = numbers::<4>,
+        allow_hyphen_values = true,
+        requires = "unit",
+        help_heading = "Camera"
+    )]
+    pub(crate) intrinsics: Option<[f32; 4]>,
+
+    /// Metres per step of the depth values (millimetres: 0.001, TUM: 0.0002, f32 metres: 1)
+    #[arg(long, value_name = "METRES", help_heading = "Camera")]
+    pub(crate) unit: Option<f32>,
+
+    /// Size of raw depth images that don't state it (.bin)
+    #[arg(id = "image_size", long = "size", value_name = "WxH", value_parser = size, help_heading = "Camera")]
+    pub(crate) size: Option<(usize, usize)>,
+
+    /// Which way is up in the world [default: the camera file's `up`, else the top of the image]
+    #[arg(long, value_name = "X,Y,Z", value_parser = vec3, allow_hyphen_values = true, help_heading = "Camera")]
+    pub(crate) up: Option<Vec3>,
+
+    /// Readings nearer than this are not believed, metres
+    #[arg(long, value_name = "M", help_heading = "Readings")]
+    pub(crate) min_z: Option<f32>,
+
+    /// Readings farther than this are not believed, metres
+    #[arg(long, value_name = "M", help_heading = "Readings")]
+    pub(crate) max_z: Option<f32>,
+
+    /// Readings less sure than this are not believed, 0 to 255
+    #[arg(long, value_name = "0-255", help_heading = "Readings")]
+    pub(crate) min_confidence: Option<u8>,
+}
+
+/// A source of which one frame is asked.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct FrameArgs {
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+
+    /// Frame number, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) frame: usize,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  isobath run data/motorcycle
+  isobath run scans/kitchen --out /tmp/kitchen --max-z 6
+  isobath run scan.png --intrinsics 525,525,319.5,239.5 --unit 0.0002
+
+Writes DIR/report.html (one file that needs nothing else) and DIR/report.json (what --json prints).
+Each frame: read, depth pyramid, normals, ground plane, reticle at the centre, a chair-sized box
+at several spots, height map, path across the scene. All buffers are allocated before the first
+frame; times are wall clock on one core.")]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+
+    /// Where the report goes [default: out/<name of SRC>]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+
+    /// Only this many frames
+    #[arg(long, value_name = "N")]
+    pub(crate) frames: Option<usize>,
+
+    /// Times each frame is worked through, so that a time means something [default: 15 for one frame, 1 for several]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) repeat: Option<u32>,
+
+    /// The frame whose pictures the report shows, from 0 [default: the last]
+    #[arg(long, value_name = "N")]
+    pub(crate) show: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  isobath info data/motorcycle --json")]
+pub(crate) struct InfoArgs {
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+}
+
+/// How normals are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Method {
+    /// From inverse depth, choosing the side of an edge that a pixel belongs to: exact on planes
+    Exact,
+    /// The DepthLab paper's Algorithm 1, to compare with
+    Paper,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  isobath normals data/motorcycle --out normals.npy --png normals.png
+
+The array is height x width x 3, f32: unit normals in the camera frame (x right, y down, z forward),
+facing the camera, NaN where there is none.")]
+pub(crate) struct NormalsArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// Method
+    #[arg(long, value_enum, default_value_t = Method::Exact)]
+    pub(crate) method: Method,
+
+    /// Fit over (2N+1)x(2N+1) pixels: smoother on noisy sensors, slower. 0: the method's own least
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=7))]
+    pub(crate) radius: u8,
+
+    /// NumPy file to write
+    #[arg(long, value_name = "F.npy", required_unless_present = "png")]
+    pub(crate) out: Option<PathBuf>,
+
+    /// Picture to write: x as red, up as green, towards the camera as blue
+    #[arg(long, value_name = "F.png")]
+    pub(crate) png: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  isobath points data/motorcycle --out motorcycle.ply
+  isobath points scans/kitchen --frame 12 --world --out frame12.npy
+
+PLY: binary, one vertex a reading, with colour when the frame has it. NPY: height x width x 3, f32
+metres, NaN in holes.")]
+pub(crate) struct PointsArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// In the world instead of the camera frame (the frame needs a pose)
+    #[arg(long)]
+    pub(crate) world: bool,
+
+    /// File to write: .ply or .npy
+    #[arg(long, value_name = "F.ply|F.npy", value_parser = points_file)]
+    pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  isobath hit data/motorcycle --pixel 370,250
+
+JSON: answer (hit | no_depth | outside_view), point_m, camera_point_m, normal, z_m, range_m,
+sigma_z_m (one standard deviation), confidence (0 to 1), support, residual_m.")]
+pub(crate) struct HitArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// The pixel; fractions are fine
+    #[arg(long, value_name = "X,Y", value_parser = vec2, allow_hyphen_values = true)]
+    pub(crate) pixel: Vec2,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  isobath raycast data/motorcycle --from 0,0,0 --dir 0.1,0.2,1
+  isobath raycast scans/kitchen --frame 3 --world --from 1,0.5,2 --dir 0,-1,0
+
+JSON: answer (hit | hit_occluded | miss | outside_view | no_depth), point_m, normal, distance_m,
+work_done, work_skipped.")]
+pub(crate) struct RaycastArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// Where the ray starts, metres
+    #[arg(long, value_name = "X,Y,Z", value_parser = vec3, allow_hyphen_values = true)]
+    pub(crate) from: Vec3,
+
+    /// Where it goes; any length
+    #[arg(long, value_name = "X,Y,Z", value_parser = vec3, allow_hyphen_values = true)]
+    pub(crate) dir: Vec3,
+
+    /// --from, --dir and the answer are in the world; otherwise in the camera frame
+    #[arg(long)]
+    pub(crate) world: bool,
+
+    /// How far to go, metres
+    #[arg(long, value_name = "M", default_value_t = 20.0)]
+    pub(crate) reach: f32,
+
+    /// How thick surfaces are taken to be, metres: a ray that passes farther behind one is occluded, not stopped
+    #[arg(long, value_name = "M")]
+    pub(crate) thickness: Option<f32>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  isobath measure data/motorcycle --pixels 200,250 520,260")]
+pub(crate) struct MeasureArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// The two pixels
+    #[arg(long, value_names = ["X,Y", "X,Y"], num_args = 2, value_parser = vec2, allow_hyphen_values = true)]
+    pub(crate) pixels: Vec<Vec2>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  isobath place data/motorcycle --box 0.4,0.5,2.2,0.5,0.9,0.5 --yaw 30
+
+The box stands upright: SX and SZ are its sides along the ground, SY its height along `up`.
+JSON: answer (free | blocked | unknown), voters, visible, votes (one a point).")]
+pub(crate) struct PlaceArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// Its centre and its size, metres
+    #[arg(
+        long = "box",
+        value_name = "CX,CY,CZ,SX,SY,SZ",
+        value_parser = numbers::<6>,
+        allow_hyphen_values = true
+    )]
+    pub(crate) cuboid: [f32; 6],
+
+    /// Turned about `up` by this many degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub(crate) yaw: f32,
+}
+
+// Here `--size` is the box's, so the image's gets a longer name.
+#[derive(Debug, Args)]
+#[command(mut_arg("image_size", |arg| arg.long("image-size")), after_help = "\
+Example:
+  isobath find-place data/motorcycle --size 0.5,0.9,0.5
+
+Tries pixels of a grid over the image: where a surface is level, wide and free enough, the box can
+stand. Lists the places nearest first.")]
+pub(crate) struct FindPlaceArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// Its size: along the ground, its height, along the ground; metres
+    #[arg(long, value_name = "SX,SY,SZ", value_parser = vec3)]
+    pub(crate) size: Vec3,
+
+    /// At most this many places
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub(crate) most: usize,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  isobath path data/motorcycle --from -0.6,1,2.6 --to 0.9,1,4.2
+
+Points are put down onto the ground below them. Holes in the scene are not walked on.
+JSON: answer (path | no_path | start_unknown | goal_unknown | ...), length_m, points_m, work_done.")]
+pub(crate) struct PathArgs {
+    #[command(flatten)]
+    pub(crate) of: FrameArgs,
+
+    /// Start, metres, world
+    #[arg(long, value_name = "X,Y,Z", value_parser = vec3, allow_hyphen_values = true)]
+    pub(crate) from: Vec3,
+
+    /// Goal, metres, world
+    #[arg(long, value_name = "X,Y,Z", value_parser = vec3, allow_hyphen_values = true)]
+    pub(crate) to: Vec3,
+
+    /// Use all frames up to --frame for the height map, not that one alone (the recording needs poses)
+    #[arg(long)]
+    pub(crate) all: bool,
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
+    let mut out = [0.0; N];
+    let mut parts = text.split(',');
+    for slot in &mut out {
+        let part = parts.next().ok_or_else(|| format!("{N} numbers with commas between are needed"))?.trim();
+        let value: f32 = part.parse().map_err(|_| format!("`{part}` is not a number"))?;
+        if !value.is_finite() {
+            return Err(format!("`{part}` is not a finite number"));
+        }
+        *slot = value;
+    }
+    match parts.next() {
+        None => Ok(out),
+        Some(_) => Err(format!("{N} numbers with commas between are needed, no more")),
+    }
+}
+
+fn vec2(text: &str) -> Result<Vec2, String> {
+    numbers::<2>(text).map(Vec2::from)
+}
+
+fn vec3(text: &str) -> Result<Vec3, String> {
+    numbers::<3>(text).map(Vec3::from)
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let side = |s: &str| s.trim().parse::<usize>().ok().filter(|n| (1..=65_535).contains(n));
+    text.split_once(['x', 'X'])
+        .and_then(|(w, h)| Some((side(w)?, side(h)?)))
+        .ok_or_else(|| "width and height are needed, as in 640x480".to_owned())
+}
+
+fn points_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("ply" | "npy") => Ok(path),
+        _ => Err("the name must end in .ply or .npy".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn clap_agrees_with_itself() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn lists_and_sizes() {
+        assert_eq!(vec3("1, -2,3.5"), Ok(Vec3::new(1.0, -2.0, 3.5)));
+        assert!(vec3("1,2").is_err() && vec3("1,2,3,4").is_err() && vec3("1,2,x").is_err() && vec3("1,2,NaN").is_err());
+        assert_eq!(size("640x480"), Ok((640, 480)));
+        assert!(size("640").is_err() && size("0x3").is_err());
+    }
+
+    #[test]
+    fn every_command_teaches_by_example() {
+        for command in Cli::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains(&format!("isobath {}", command.get_name())), "{}", command.get_name());
+        }
+    }
+}

@@ -1,0 +1,461 @@
+//! The main job: every frame through every answer, with the calls and the memory that firmware would use.
+//!
+//! All memory is taken once, before the first frame ([`Memory`]); the loop allocates nothing. Each stage is timed on its own,
+//! and says how much work it did and how much it skipped. The stages, in the order in which they need each other:
+//!
+//! | stage | question | needs |
+//! |---|---|---|
+//! | pyramid | how near and far is each tile? | depth |
+//! | normals | which way does each pixel face? | depth |
+//! | ground | where is the floor? | depth, up |
+//! | reticle | how does the cursor lie at the centre? | depth |
+//! | rays | where do 25 rays from a hand end? | depth, pyramid |
+//! | chair votes | does a chair collide here? where 32 taps meet level ground | depth, up |
+//! | stool places | does a stool fit here, level and wholly in sight? at 32 taps | depth, pyramid, up |
+//! | height map | how high is the ground, cell by cell? | depth, ground |
+//! | path | how does one walk across? | height map |
+
+use std::time::Instant;
+
+use isobath::glam::{Mat3, Quat, Vec2, Vec3};
+use isobath::ground::geometry::{OrientedBox, Plane, Ray};
+use isobath::localized::collision::{Collision, CollisionParams, Verdict, box_points, vote};
+use isobath::localized::height_map::{Grid, HeightCell, HeightMap, HeightMapParams, IntegrateReport};
+use isobath::localized::hit::{Hit, HitOutcome, HitParams, hit_test};
+use isobath::localized::normals::NormalParams;
+use isobath::localized::normals::dense::{rows, scratch_len};
+use isobath::localized::placement::{NoPlace, PlaceParams, Placement, Spot, place};
+use isobath::localized::plane::ground::{GroundEstimate, GroundParams, estimate_ground};
+use isobath::localized::planner::{Node, Plan, Planner, Walker};
+use isobath::localized::raycast::{RayOutcome, RayParams, cast};
+use isobath::localized::reticle::{Reticle, ReticleHit, ReticleParams, ReticleState};
+use isobath::sensing::depth::DepthSample;
+use isobath::sensing::frame::DepthFrame;
+use isobath::skipping::Work;
+use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
+
+use crate::failure::{Failure, Outcome};
+
+/// Cells of the height map along a side.
+pub(crate) const MAP_CELLS: usize = 128;
+/// Side of a cell, metres.
+pub(crate) const MAP_CELL: f32 = 0.05;
+/// Corners that a path may have.
+const CORNERS: usize = 64;
+/// What is put where a user taps: a chair, judged by majority vote; metres (across, up, along).
+pub(crate) const CHAIR: Vec3 = Vec3::new(0.5, 0.9, 0.5);
+/// And a stool, which must stand level and wholly in sight.
+pub(crate) const STOOL: Vec3 = Vec3::new(0.3, 0.4, 0.3);
+/// Taps across and down, over the lower half of the image.
+const TAPS: (usize, usize) = (8, 4);
+/// Largest angle of a tapped surface from level, as a cosine (25 degrees).
+const LEVEL: f32 = 0.906;
+/// Rays of the fan, along each side of the view.
+const FAN: usize = 5;
+/// Who walks: a small character, as the corridors that one camera sees are narrow.
+pub(crate) const WALKER: Walker = Walker { radius: 0.15, ..Walker::DEFAULT };
+
+/// The stages that are timed.
+pub(crate) const STAGES: [&str; 9] =
+    ["pyramid", "normals", "ground plane", "reticle", "rays", "chair votes", "stool places", "height map", "path"];
+const PYRAMID: usize = 0;
+const NORMALS: usize = 1;
+const GROUND: usize = 2;
+const RETICLE: usize = 3;
+const RAYS: usize = 4;
+const VOTES: usize = 5;
+const PLACES: usize = 6;
+const HEIGHT_MAP: usize = 7;
+const PATH: usize = 8;
+
+/// What one unit of a stage's work is.
+pub(crate) const WORK_UNITS: [&str; STAGES.len()] =
+    ["pixels", "pixels", "pixels", "", "pixels", "points", "pixels", "pixels", "cells"];
+
+/// A tap on the image, and what may stand there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tap {
+    pub(crate) pixel: (usize, usize),
+    /// The chair and its verdict, where the surface is level.
+    pub(crate) chair: Option<(OrientedBox, Collision)>,
+    pub(crate) stool: Result<Placement, NoPlace>,
+}
+
+/// What one frame gave.
+#[derive(Debug)]
+pub(crate) struct Findings {
+    /// Where the camera stood, where it looked, and which way was up, world.
+    pub(crate) camera: Vec3,
+    pub(crate) axis: Vec3,
+    pub(crate) up: Vec3,
+    pub(crate) pixels: usize,
+    pub(crate) readings: usize,
+    /// Pixels with a normal, and those of them within 15 degrees of up.
+    pub(crate) normals: usize,
+    pub(crate) level: usize,
+    pub(crate) ground: Result<GroundEstimate, String>,
+    pub(crate) hit: HitOutcome,
+    pub(crate) reticle: ReticleState,
+    pub(crate) rays: Vec<(Ray, RayOutcome)>,
+    pub(crate) taps: Vec<Tap>,
+    pub(crate) map: IntegrateReport,
+    pub(crate) map_known: usize,
+    pub(crate) plan: Plan,
+    pub(crate) ends: (Vec3, Vec3),
+    /// The path's corners, world, metres.
+    pub(crate) path: Vec<Vec3>,
+    /// Work of each stage, where it counts any.
+    pub(crate) work: [Option<Work>; STAGES.len()],
+    /// Nanoseconds of each stage.
+    pub(crate) times: [u64; STAGES.len()],
+}
+
+impl Findings {
+    pub(crate) const fn hit(&self) -> Option<&Hit> {
+        self.hit.hit()
+    }
+
+    /// Chairs with their verdicts.
+    pub(crate) fn chairs(&self) -> impl Iterator<Item = (&OrientedBox, Verdict)> {
+        self.taps.iter().filter_map(|t| t.chair.as_ref()).map(|(chair, vote)| (chair, vote.verdict))
+    }
+
+    /// Places for the stool.
+    pub(crate) fn stools(&self) -> impl Iterator<Item = &OrientedBox> {
+        self.taps.iter().filter_map(|t| t.stool.as_ref().ok()).map(|p| &p.pose)
+    }
+}
+
+/// All memory of the main job, taken once. The sizes are what a firmware image would set aside as statics.
+#[derive(Debug)]
+pub(crate) struct Memory<D: DepthSample> {
+    pyramid: Vec<Cell<D>>,
+    scratch: Vec<f32>,
+    map: Vec<HeightCell>,
+    nodes: Vec<Node>,
+    queue: Vec<u32>,
+    corners: [Vec3; CORNERS],
+}
+
+impl<D: DepthSample> Memory<D> {
+    pub(crate) fn new(width: usize, height: usize) -> Self {
+        Self {
+            pyramid: vec![Cell::EMPTY; cells_needed(width, height)],
+            scratch: vec![0.0; scratch_len(width)],
+            map: vec![HeightCell::UNKNOWN; MAP_CELLS * MAP_CELLS],
+            nodes: vec![Node::EMPTY; MAP_CELLS * MAP_CELLS],
+            queue: Vec::with_capacity(MAP_CELLS * MAP_CELLS),
+            corners: [Vec3::ZERO; CORNERS],
+        }
+    }
+
+    /// What the memory is for, and its bytes.
+    pub(crate) fn bytes(&self) -> [(&'static str, usize); 6] {
+        [
+            ("depth pyramid", size_of_val(self.pyramid.as_slice())),
+            ("rows of normals", size_of_val(self.scratch.as_slice())),
+            ("height map", size_of_val(self.map.as_slice())),
+            ("planner", size_of_val(self.nodes.as_slice())),
+            ("path corners", size_of_val(&self.corners)),
+            ("reticle", size_of::<Reticle>()),
+        ]
+    }
+}
+
+/// The world as the main job sees it: which way is up, where the map lies, who asks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct World {
+    pub(crate) up: Vec3,
+    pub(crate) grid: Grid,
+}
+
+/// Runs the stages over frames.
+#[derive(Debug)]
+pub(crate) struct Pipeline<'m, D: DepthSample> {
+    world: World,
+    pyramid: &'m mut [Cell<D>],
+    scratch: &'m mut [f32],
+    map: HeightMap<'m>,
+    nodes: &'m mut [Node],
+    queue: &'m mut Vec<u32>,
+    corners: &'m mut [Vec3],
+    /// The last ground found, for frames that show none.
+    ground: Option<Plane>,
+    reticle: Reticle,
+}
+
+/// Measures one stage.
+struct Watch<'t>(&'t mut [u64; STAGES.len()]);
+
+impl Watch<'_> {
+    fn time<T>(&mut self, stage: usize, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        // The answer passes through, so that the compiler can't leave the work out.
+        let answer = std::hint::black_box(work());
+        self.0[stage] = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        answer
+    }
+}
+
+impl<'m, D: DepthSample> Pipeline<'m, D> {
+    pub(crate) fn new(memory: &'m mut Memory<D>, world: World) -> Outcome<Self> {
+        let params = HeightMapParams::DEFAULT;
+        let map = HeightMap::new(world.grid, &mut memory.map, params).map_err(|e| Failure::of(&e, "height map"))?;
+        Ok(Self {
+            world,
+            pyramid: &mut memory.pyramid,
+            scratch: &mut memory.scratch,
+            map,
+            nodes: &mut memory.nodes,
+            queue: &mut memory.queue,
+            corners: &mut memory.corners,
+            ground: None,
+            reticle: Reticle::new(ReticleParams::DEFAULT).map_err(|e| Failure::of(&e, "reticle"))?,
+        })
+    }
+
+    pub(crate) const fn map(&self) -> &HeightMap<'m> {
+        &self.map
+    }
+
+    /// Starts a new world: the map and the last ground are forgotten.
+    pub(crate) fn forget(&mut self, world: World) -> Outcome {
+        self.world = world;
+        self.ground = None;
+        self.reticle.reset();
+        self.map.restart(world.grid).map_err(|e| Failure::of(&e, "height map"))
+    }
+
+    /// Where one could stand, as the last plan saw it.
+    pub(crate) fn walkable(&self, column: usize, row: usize) -> bool {
+        column < MAP_CELLS && self.nodes.get(row * MAP_CELLS + column).is_some_and(Node::is_walkable)
+    }
+
+    /// Every stage, once.
+    pub(crate) fn frame(&mut self, frame: &DepthFrame<'_, D>) -> Outcome<Findings> {
+        let failed = |e: &dyn std::error::Error| Failure::of(e, format!("frame {}", frame.sequence()));
+        let up = self.world.up;
+        let mut times = [0; STAGES.len()];
+        let mut work = [None; STAGES.len()];
+        let mut watch = Watch(&mut times);
+        let (width, height) = frame.size();
+
+        let pyramid = watch.time(PYRAMID, || Pyramid::build(frame.depth(), self.pyramid)).map_err(|e| failed(&e))?;
+        work[PYRAMID] = Some(Work { done: (width * height) as u32, skipped: 0 });
+
+        // What firmware would do with normals: look at each row while it is hot, and keep a number.
+        let camera_up = frame.pose_or_identity().direction_to_camera(up).to_array();
+        let (mut normals, mut level) = (0, 0);
+        let done = watch
+            .time(NORMALS, || {
+                rows(frame, &NormalParams::default(), self.scratch, |_, row| {
+                    for ((&x, &y), &z) in row.x.iter().zip(row.y).zip(row.z) {
+                        let cosine = x * camera_up[0] + y * camera_up[1] + z * camera_up[2];
+                        normals += usize::from(!x.is_nan());
+                        level += usize::from(cosine > 0.966);
+                    }
+                })
+            })
+            .map_err(|e| failed(&e))?;
+        work[NORMALS] = Some(done);
+
+        let ground = watch.time(GROUND, || estimate_ground(frame, up, &GroundParams::DEFAULT));
+        if let Ok(found) = &ground {
+            work[GROUND] = Some(found.work);
+            self.ground = Some(found.fit.plane);
+        }
+
+        let centre = Vec2::new(width as f32 - 1.0, height as f32 - 1.0) / 2.0;
+        let (hit, reticle) = watch.time(RETICLE, || {
+            let found = hit_test(frame, centre, &HitParams::default());
+            let at = found.hit().map(|hit| ReticleHit { point: hit.point, normal: hit.normal });
+            (found, self.reticle.update(at, &frame.pose_or_identity(), frame.time()))
+        });
+
+        let mut rays = Vec::with_capacity(FAN * FAN);
+        rays.extend(fan(frame).map(|ray| (ray, RayOutcome::OutsideView)));
+        let done = watch.time(RAYS, || {
+            let mut done = Work::default();
+            for (ray, outcome) in &mut rays {
+                let found = cast(frame, Some(&pyramid), ray, &RayParams::default());
+                *outcome = found.outcome;
+                done += found.work;
+            }
+            done
+        });
+        work[RAYS] = Some(done);
+
+        let mut taps: [Tap; TAPS.0 * TAPS.1] = std::array::from_fn(|i| Tap {
+            pixel: tap_pixel(i, (width, height)),
+            chair: None,
+            stool: Err(NoPlace::NoSurface),
+        });
+        let done = watch.time(VOTES, || {
+            let mut done = Work::default();
+            for tap in &mut taps {
+                tap.chair = chair_at(frame, tap.pixel, up);
+                let voters = tap.chair.map_or(0, |(_, c)| c.tally.visible + c.tally.hidden);
+                done += Work { done: voters, skipped: 13 - voters };
+            }
+            done
+        });
+        work[VOTES] = Some(done);
+        let params = PlaceParams { max_hidden: 0.02, ..PlaceParams::new(STOOL, up) };
+        let done = watch.time(PLACES, || {
+            let mut done = Work::default();
+            for tap in &mut taps {
+                let answer = place(frame, Some(&pyramid), Spot::Pixel(tap.pixel.0, tap.pixel.1), &params);
+                tap.stool = answer.outcome;
+                done += answer.work;
+            }
+            done
+        });
+        work[PLACES] = Some(done);
+
+        let map = watch.time(HEIGHT_MAP, || self.map.integrate(frame));
+        work[HEIGHT_MAP] = Some(Work { done: map.used + map.overhead + map.outside, skipped: map.holes });
+        let map_known = self.map.cells().iter().filter(|c| c.is_known()).count();
+
+        let ends = self.ends(frame.pose_or_identity().translation())?;
+        let mut planner = Planner::new(self.nodes);
+        let plan = watch
+            .time(PATH, || planner.plan(&self.map, &WALKER, ends.0, ends.1, self.corners))
+            .map_err(|e| failed(&e))?;
+        let (mut path, mut expanded) = (Vec::new(), 0);
+        if let Plan::Found(found) = plan {
+            path.extend_from_slice(self.corners.get(..found.points).unwrap_or(&[]));
+            expanded = found.expanded;
+        } else if let Plan::NoPath { expanded: n } = plan {
+            expanded = n;
+        }
+        let cells = (MAP_CELLS * MAP_CELLS) as u32;
+        work[PATH] = Some(Work { done: expanded, skipped: cells - expanded.min(cells) });
+
+        let readings = frame.depth().rows().flatten().filter(|z| z.is_valid()).count();
+        Ok(Findings {
+            camera: frame.pose_or_identity().translation(),
+            axis: frame.pose_or_identity().direction_to_world(Vec3::Z),
+            up,
+            pixels: width * height,
+            readings,
+            normals,
+            level,
+            ground: ground.map_err(|e| e.to_string()),
+            hit,
+            reticle,
+            rays,
+            taps: taps.to_vec(),
+            map,
+            map_known,
+            plan,
+            ends,
+            path,
+            work,
+            times,
+        })
+    }
+
+    /// A walk worth planning, between two far ends of connected ground. Not
+    /// timed: in a real application a user says where to go.
+    fn ends(&mut self, camera: Vec3) -> Outcome<(Vec3, Vec3)> {
+        let grid = *self.map.grid();
+        // Planning anywhere classifies the cells; the plan itself is not wanted.
+        Planner::new(self.nodes)
+            .plan(&self.map, &WALKER, camera, camera, &mut [])
+            .map_err(|e| Failure::of(&e, "walker"))?;
+        let point = |i: usize| grid.point_of(i % MAP_CELLS, i / MAP_CELLS, 0.0);
+        let foot = camera - grid.up() * grid.height_of(camera);
+        let walkable = |i: usize| self.nodes.get(i).is_some_and(Node::is_walkable);
+        let near = |a: &usize, b: &usize| point(*a).distance_squared(foot).total_cmp(&point(*b).distance_squared(foot));
+        let all = MAP_CELLS * MAP_CELLS;
+        let mut best = (camera, camera, -1.0);
+        // Of the patches of connected ground, the one that one can walk farthest on, from its one end to the other.
+        let mut seen = vec![false; all];
+        while let Some(start) = (0..all).filter(|&i| walkable(i) && !seen[i]).min_by(near) {
+            self.queue.clear();
+            self.queue.push(start as u32);
+            seen[start] = true;
+            let mut next = 0;
+            while let Some(&i) = self.queue.get(next) {
+                next += 1;
+                let (x, y) = (i as usize % MAP_CELLS, i as usize / MAP_CELLS);
+                for (u, v) in [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)] {
+                    let j = v.wrapping_mul(MAP_CELLS).wrapping_add(u);
+                    if u < MAP_CELLS && v < MAP_CELLS && walkable(j) && !seen[j] {
+                        seen[j] = true;
+                        self.queue.push(j as u32);
+                    }
+                }
+            }
+            let from = point(start);
+            let far = |from: Vec3| {
+                let all = self.queue.iter().map(|&i| point(i as usize));
+                all.max_by(|a, b| a.distance_squared(from).total_cmp(&b.distance_squared(from))).unwrap_or(from)
+            };
+            let to = far(from);
+            let from = far(to);
+            if from.distance(to) > best.2 {
+                best = (from, to, from.distance(to));
+            }
+        }
+        Ok((best.0, best.1))
+    }
+}
+
+/// Horizontally ahead of the camera; along its own up when it looks straight up or down.
+pub(crate) fn flat_forward<D: DepthSample>(frame: &DepthFrame<'_, D>, up: Vec3) -> Vec3 {
+    let pose = frame.pose_or_identity();
+    let flat = |v: Vec3| (v - up * v.dot(up)).try_normalize().filter(|_| v.cross(up).length() > 0.1);
+    flat(pose.direction_to_world(Vec3::Z))
+        .or_else(|| flat(pose.direction_to_world(Vec3::NEG_Y)))
+        .unwrap_or_else(|| up.any_orthonormal_vector())
+}
+
+/// Rays from a hand, to the right of and below the eye, towards all parts of the view.
+fn fan<D: DepthSample>(frame: &DepthFrame<'_, D>) -> impl Iterator<Item = Ray> {
+    let (pose, k) = (frame.pose_or_identity(), *frame.intrinsics());
+    let hand = k.fy().signum() * 0.25;
+    let from = pose.to_world(Vec3::new(0.25, hand, 0.0));
+    let size = Vec2::new(frame.size().0 as f32, frame.size().1 as f32);
+    (0..FAN * FAN).filter_map(move |i| {
+        let uv = (Vec2::new((i % FAN) as f32, (i / FAN) as f32) + 0.5) / FAN as f32;
+        // Towards a point four metres away on the pixel's ray.
+        Ray::new(from, pose.to_world(k.unproject(uv * size - 0.5, 4.0)) - from)
+    })
+}
+
+/// Taps in rows over the lower half of the image, where people put things.
+const fn tap_pixel(i: usize, (width, height): (usize, usize)) -> (usize, usize) {
+    let (x, y) = (i % TAPS.0, i / TAPS.0);
+    ((2 * x + 1) * width / (2 * TAPS.0), height / 2 + (2 * y + 1) * height / (4 * TAPS.1))
+}
+
+/// A chair upright on what a pixel sees, looking at the camera, and the vote of its points; `None` where nothing level is.
+fn chair_at<D: DepthSample>(
+    frame: &DepthFrame<'_, D>,
+    (x, y): (usize, usize),
+    up: Vec3,
+) -> Option<(OrientedBox, Collision)> {
+    let outcome = hit_test(frame, Vec2::new(x as f32, y as f32), &HitParams::default());
+    let hit = outcome.hit()?;
+    let level = hit.normal?.dot(up) >= LEVEL;
+    let to_camera = frame.pose_or_identity().translation() - hit.point;
+    let z = (to_camera - up * to_camera.dot(up)).try_normalize().filter(|_| level)?;
+    let rotation = Quat::from_mat3(&Mat3::from_cols(up.cross(z), up, z));
+    let chair = OrientedBox { centre: hit.point + up * (CHAIR.y / 2.0), half: CHAIR / 2.0, rotation };
+    Some((chair, vote(frame, box_points(&chair, up), &CollisionParams::default())))
+}
+
+/// Where the map lies: on the ground, reaching from the camera forwards; around the camera when it will move.
+pub(crate) fn lay_grid<D: DepthSample>(frame: &DepthFrame<'_, D>, up: Vec3, moves: bool) -> Outcome<Grid> {
+    let forward = flat_forward(frame, up);
+    let camera = frame.pose_or_identity().translation();
+    let foot = match estimate_ground(frame, up, &GroundParams::DEFAULT) {
+        Ok(found) => camera - up * found.fit.plane.distance(camera) / found.fit.plane.normal().dot(up),
+        // Where a standing person's feet would be.
+        Err(_) => camera - up * 1.5,
+    };
+    let ahead = MAP_CELLS as f32 * MAP_CELL * if moves { 0.2 } else { 0.45 };
+    Grid::new(foot + forward * ahead, up, forward, MAP_CELL, MAP_CELLS, MAP_CELLS)
+        .map_err(|e| Failure::of(&e, "height map"))
+}

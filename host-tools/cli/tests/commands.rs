@@ -1,0 +1,300 @@
+//! The program as its users meet it: started as a process, on the frame in the clone and on small frames made here.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use serde_json::Value;
+
+fn motorcycle() -> String {
+    format!("{}/../../data/motorcycle", env!("CARGO_MANIFEST_DIR"))
+}
+
+fn isobath(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_isobath")).args(args).output().expect("the program starts")
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).expect("UTF-8")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).expect("UTF-8")
+}
+
+/// Runs a command that must be fine and answer in JSON alone.
+fn json(args: &[&str]) -> Value {
+    let mut args = args.to_vec();
+    args.push("--json");
+    let output = isobath(&args);
+    assert_eq!(output.status.code(), Some(0), "{args:?}: {}", stderr(&output));
+    assert_eq!(stderr(&output), "", "{args:?}");
+    serde_json::from_str(&stdout(&output)).unwrap_or_else(|e| panic!("{args:?}: {e}\n{}", stdout(&output)))
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// A folder that goes away by itself.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Self {
+        static NEXT: AtomicUsize = AtomicUsize::new(0);
+        let name = format!("isobath-cli-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
+        let path = std::env::temp_dir().join(name);
+        fs::create_dir_all(&path).expect("a folder");
+        Self(path)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A wall two metres ahead, 64 x 48 pixels, as a 16-bit PGM in millimetres.
+fn wall(folder: &Folder, name: &str) -> String {
+    let path = folder.path(name);
+    let mut file = b"P5\n64 48\n65535\n".to_vec();
+    file.extend((0..64 * 48).flat_map(|_| 2000_u16.to_be_bytes()));
+    fs::write(&path, file).expect("written");
+    path
+}
+
+const HAND: [&str; 4] = ["--intrinsics", "60,60,31.5,23.5", "--unit", "0.001"];
+
+#[test]
+fn help_teaches() {
+    let output = isobath(&["--help"]);
+    assert_eq!(output.status.code(), Some(0));
+    let text = stdout(&output);
+    for command in
+        ["run", "info", "normals", "points", "hit", "raycast", "measure", "place", "find-place", "path", "completions"]
+    {
+        assert!(text.contains(command), "{command}");
+        let output = isobath(&["help", command]);
+        assert_eq!(output.status.code(), Some(0), "{command}");
+        assert!(stdout(&output).contains(&format!("isobath {command}")), "{command}");
+    }
+    assert!(text.contains("Exit codes"));
+}
+
+#[test]
+fn completions_for_every_shell() {
+    for shell in ["bash", "zsh", "fish"] {
+        let output = isobath(&["completions", shell]);
+        assert_eq!(output.status.code(), Some(0));
+        assert!(stdout(&output).contains("find-place"), "{shell}");
+    }
+}
+
+#[test]
+fn bad_usage_is_two_and_failure_is_one() {
+    let m = motorcycle();
+    for args in [
+        vec![],
+        vec!["fly"],
+        vec!["hit", &m],
+        vec!["hit", &m, "--pixel", "1"],
+        vec!["hit", &m, "--pixel", "1,x"],
+        vec!["raycast", &m, "--from", "0,0,0", "--dir", "0,0"],
+        vec!["measure", &m, "--pixels", "1,2"],
+        vec!["hit", &m, "--pixel", "1,2", "--intrinsics", "1,2,3,4"],
+        vec!["points", &m, "--out", "x.obj"],
+    ] {
+        let output = isobath(&args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert_eq!(stdout(&output), "", "{args:?}");
+    }
+    for args in [
+        vec!["hit", "/nowhere", "--pixel", "1,2"],
+        vec!["hit", &m, "--pixel", "1,2", "--frame", "7"],
+        vec!["raycast", &m, "--from", "0,0,0", "--dir", "0,0,0"],
+        vec!["raycast", &m, "--from", "0,0,0", "--dir", "0,0,1", "--world"],
+        vec!["normals", &m, "--out", "/nowhere/at/all.npy"],
+        vec!["hit", &m, "--pixel", "1,2", "--up", "0,0,0"],
+    ] {
+        let output = isobath(&args);
+        assert_eq!(output.status.code(), Some(1), "{args:?}");
+        assert_eq!(stdout(&output), "", "{args:?}");
+        let text = stderr(&output);
+        assert!(text.starts_with("error: ") && text.contains("where: ") && text.contains("what to do: "), "{text}");
+    }
+}
+
+#[test]
+fn errors_for_machines_are_json_too() {
+    for (args, code) in [(["hit", "/nowhere", "--pixel", "1,2", "--json"].as_slice(), 1), (&["hit", "--json"], 2)] {
+        let output = isobath(args);
+        assert_eq!(output.status.code(), Some(code));
+        let value: Value = serde_json::from_str(&stderr(&output)).expect("JSON");
+        for field in ["what", "where", "what_to_do"] {
+            assert!(value["error"][field].is_string(), "{field}");
+        }
+    }
+}
+
+#[test]
+fn piped_output_is_plain_and_narrow() {
+    let m = motorcycle();
+    let folder = Folder::new();
+    let out = folder.path("report");
+    for args in [
+        vec!["info", &m],
+        vec!["hit", &m, "--pixel", "370,250"],
+        vec!["raycast", &m, "--from", "0,0,0", "--dir", "0,0,1"],
+        vec!["measure", &m, "--pixels", "200,250", "520,260"],
+        vec!["place", &m, "--box", "0,0.6,2.6,0.5,0.9,0.5"],
+        vec!["path", &m, "--from", "0,1,2", "--to", "0,1,3"],
+        vec!["run", &m, "--out", &out, "--repeat", "1"],
+    ] {
+        let output = isobath(&args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}");
+        assert_eq!(stderr(&output), "", "{args:?}: nothing but the answer");
+        for line in stdout(&output).lines() {
+            assert!(!line.contains('\x1b'), "{line:?}");
+            // Paths are as long as they are.
+            assert!(line.chars().count() <= 80 || line.contains('/'), "{line:?}");
+        }
+    }
+}
+
+#[test]
+fn a_wall_is_hit_where_it_stands() {
+    let folder = Folder::new();
+    let src = wall(&folder, "wall.pgm");
+    let ask = |rest: &[&str]| {
+        let mut args = vec![rest[0], &src];
+        args.extend(&rest[1..]);
+        args.extend(HAND);
+        json(&args)
+    };
+    let hit = ask(&["hit", "--pixel", "31.5,23.5"]);
+    assert_eq!(hit["answer"], "hit");
+    assert!((number(&hit["z_m"]) - 2.0).abs() < 1e-6);
+    assert!((number(&hit["normal"][2]) + 1.0).abs() < 1e-5);
+    assert_eq!(ask(&["hit", "--pixel", "64,0"])["answer"], "outside_view");
+
+    let ray = ask(&["raycast", "--from", "-0.3,0,0.5", "--dir", "0.2,0,1"]);
+    assert_eq!(ray["answer"], "hit");
+    assert!((number(&ray["point_m"][0])).abs() < 1e-4 && (number(&ray["point_m"][2]) - 2.0).abs() < 1e-4, "{ray}");
+
+    let length = ask(&["measure", "--pixels", "16.5,23.5", "46.5,23.5"]);
+    assert!((number(&length["distance_m"]) - 1.0).abs() < 1e-3, "{length}");
+
+    assert_eq!(ask(&["place", "--box", "0,0,1.2,0.4,0.4,0.4", "--yaw", "20"])["answer"], "free");
+    assert_eq!(ask(&["place", "--box", "0,0,2.5,0.4,0.4,0.4"])["answer"], "blocked");
+    assert_eq!(ask(&["place", "--box", "0,0,-2,0.4,0.4,0.4"])["answer"], "unknown");
+    assert_eq!(ask(&["find-place", "--size", "0.3,0.3,0.3"])["answer"], "none");
+    // The wall as the floor of a camera that looks straight down.
+    let down = ask(&["find-place", "--size", "0.3,0.3,0.3", "--up", "0,0,-1"]);
+    assert_eq!(down["answer"], "found");
+    assert!((number(&down["places"][0]["centre_m"][2]) - 1.85).abs() < 1e-3, "{down}");
+    let walk = ask(&["path", "--from", "-0.4,0,1", "--to", "0.4,0.1,1", "--up", "0,0,-1"]);
+    assert_eq!(walk["answer"], "path");
+    assert!((number(&walk["length_m"]) - 0.8).abs() < 0.1, "{walk}");
+    assert_eq!(ask(&["path", "--from", "-30,0,1", "--to", "0.4,0,1", "--up", "0,0,-1"])["answer"], "start_outside");
+}
+
+#[test]
+fn limits_make_holes() {
+    let folder = Folder::new();
+    let src = wall(&folder, "wall.pgm");
+    let mut args = vec!["hit", &src, "--pixel", "30,20", "--max-z", "1.5"];
+    args.extend(HAND);
+    assert_eq!(json(&args)["answer"], "no_depth");
+}
+
+#[test]
+fn arrays_have_the_promised_shape() {
+    let folder = Folder::new();
+    let src = wall(&folder, "wall.pgm");
+    for command in ["normals", "points"] {
+        let out = folder.path(&format!("{command}.npy"));
+        let mut args = vec![command, &src, "--out", &out];
+        args.extend(HAND);
+        json(&args);
+        let file = fs::read(&out).expect("the array");
+        assert_eq!(&file[..8], b"\x93NUMPY\x01\x00");
+        let length = usize::from(u16::from_le_bytes([file[8], file[9]]));
+        let header = String::from_utf8_lossy(&file[10..10 + length]).into_owned();
+        assert!(header.contains("'<f4'") && header.contains("(48, 64, 3)"), "{header}");
+        assert_eq!(file.len(), 10 + length + 48 * 64 * 3 * 4);
+        let last = f32::from_le_bytes(file[file.len() - 4..].try_into().expect("four bytes"));
+        let want = if command == "normals" { -1.0 } else { 2.0 };
+        assert!((last - want).abs() < 1e-5, "{command}: {last}");
+    }
+}
+
+#[test]
+fn pictures_and_clouds_are_written() {
+    let (m, folder) = (motorcycle(), Folder::new());
+    let (png, ply) = (folder.path("n.png"), folder.path("p.ply"));
+    let normals = json(&["normals", &m, "--png", &png, "--method", "paper"]);
+    assert_eq!(normals["method"], "paper");
+    assert!(fs::read(&png).expect("the picture").starts_with(b"\x89PNG"));
+    let points = json(&["points", &m, "--out", &ply]);
+    let n = usize::try_from(points["points"].as_u64().expect("a count")).expect("small");
+    assert!(n > 300_000 && points["colour"] == true);
+    let file = fs::read(&ply).expect("the cloud");
+    let head = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
+    assert_eq!(file.len() - head, n * 15);
+}
+
+#[test]
+fn the_first_run_shows_something_true() {
+    let (m, folder) = (motorcycle(), Folder::new());
+    let out = folder.path("report");
+    let answer = json(&["run", &m, "--out", &out, "--repeat", "2"]);
+    let found = &answer["results"][0];
+    assert_eq!(found["ground"]["answer"], "ground");
+    assert!(number(&found["ground"]["rms_m"]) < 0.02);
+    assert_eq!(found["reticle"]["answer"], "hit");
+    // The middle of the image is the motorcycle's engine.
+    assert!((2.1..2.6).contains(&number(&found["reticle"]["z_m"])), "{}", found["reticle"]);
+    assert_eq!(found["path"]["answer"], "path");
+    assert!(number(&found["path"]["length_m"]) > number(&found["path"]["straight_m"]), "it goes around something");
+    assert!(number(&found["placement"]["chairs_free"]) > 0.0 && number(&found["placement"]["chairs_blocked"]) > 0.0);
+    assert_eq!(answer["passes_per_frame"], 2);
+    for stage in ["pyramid", "normals", "path", "all_stages", "read"] {
+        assert!(number(&answer["times"][stage]["median_ns"]) > 0.0, "{stage}");
+    }
+    let file: Value =
+        serde_json::from_slice(&fs::read(Path::new(&out).join("report.json")).expect("a report")).expect("JSON");
+    assert_eq!(file["results"], answer["results"]);
+    let page = fs::read_to_string(Path::new(&out).join("report.html")).expect("a report");
+    for (what, said) in
+        [("a script", "<script"), ("a link", "<link"), ("a font", "@import"), ("a net address", "src=\"http")]
+    {
+        assert!(!page.contains(said), "{what}");
+    }
+    assert!(page.contains("data:image/png;base64,") && page.trim_end().ends_with("</html>"));
+}
+
+#[test]
+fn recordings_without_anything_to_find_still_give_a_report() {
+    let folder = Folder::new();
+    // A wall: no ground, no path. And an image of nothing but holes.
+    let src = wall(&folder, "wall.pgm");
+    let holes = folder.path("holes.pgm");
+    let mut file = b"P5\n7 5\n65535\n".to_vec();
+    file.extend([0; 7 * 5 * 2]);
+    fs::write(&holes, file).expect("written");
+    for src in [&src, &holes] {
+        let out = folder.path("out");
+        let mut args = vec!["run", src, "--out", &out];
+        args.extend(HAND);
+        let answer = json(&args);
+        assert_eq!(answer["results"][0]["ground"]["answer"], "no_ground");
+        assert_ne!(answer["results"][0]["path"]["answer"], "path");
+        assert!(Path::new(&out).join("report.html").exists());
+    }
+}
