@@ -309,9 +309,10 @@ fn fit_support<D: DepthSample>(
         .map_or(up, |estimate| pose.direction_to_world(estimate.normal));
     let mut plane = Plane::through(seen, normal).ok_or(NoPlace::NoSurface)?;
     // First what the local normal's error may leave off, then what noise may.
-    let mut gate = 0.2 * reach + 2.0 * params.max_roughness;
+    let mut gate = 0.1 * reach + 2.0 * params.max_roughness;
     let mut fit = Err(NoPlace::NoSurface);
-    for _ in 0..3 {
+    // The foot of a post among the readings pulls the first plane off: each round lets less of it in.
+    for _ in 0..5 {
         let footprint =
             Footprint::new(frame, plane.project(middle), plane.normal(), params).ok_or(NoPlace::NoSurface)?;
         let mut sum = PlaneSum::new();

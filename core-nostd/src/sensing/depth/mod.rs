@@ -131,7 +131,7 @@ impl DepthSample for u16 {
 impl DepthSample for f32 {
     const HOLE: Self = 0.0;
     const ABOVE_ALL: Self = Self::INFINITY;
-    const ROUNDING: f32 = 0.0;
+    const ROUNDING: Self = 0.0;
 
     #[inline(always)]
     fn is_valid(self) -> bool {

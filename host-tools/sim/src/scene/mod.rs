@@ -1,0 +1,146 @@
+//! Scenes: built from their text, checked once, posed at a time.
+//!
+//! The world is right-handed with y up, in metres. [`Scene`] holds what does not change; [`World`] is the scene at one time, with
+//! its tree, ready for rays.
+
+mod build;
+pub(crate) mod file;
+mod motion;
+mod named;
+mod world;
+
+pub use named::NAMES;
+pub(crate) use world::{Hit, World};
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::error::SimError;
+use crate::maths::V3;
+use crate::render::light::Light;
+use crate::render::sky::Sky;
+use crate::render::surface::Material;
+use crate::shape::Shape;
+use motion::Motion;
+
+/// A scene, checked and ready to be seen.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    name: String,
+    about: String,
+    view: View,
+    places: BTreeMap<String, V3>,
+    segments: Vec<String>,
+    objects: Vec<Object>,
+    motions: Vec<Motion>,
+    pub(crate) materials: Vec<Material>,
+    pub(crate) lights: Vec<Light>,
+    pub(crate) sky: Sky,
+    pub(crate) ambient: [V3; 2],
+    pub(crate) exposure: f64,
+}
+
+/// Where a scene is looked at from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// The camera's place, metres.
+    pub eye: V3,
+    /// What it looks at, metres.
+    pub target: V3,
+    /// Half-axes of the ellipse that a walk follows, metres along world x and z.
+    pub roam: [f64; 2],
+}
+
+/// One object of a scene.
+#[derive(Debug, Clone)]
+struct Object {
+    shape: Shape,
+    place: crate::maths::Rigid,
+    /// Index into the motions, when it belongs to a group.
+    group: Option<usize>,
+    material: u32,
+    segment: u16,
+    shadow: bool,
+}
+
+impl Scene {
+    /// A named scene ([`NAMES`]), or the scene in a file whose name ends in `.toml`.
+    ///
+    /// ```
+    /// let scene = isobath_sim::Scene::open("living-room")?;
+    /// assert!(scene.segments().contains(&"sofa".to_owned()));
+    /// # Ok::<(), isobath_sim::SimError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`SimError`]: no such scene; a file that can't be read; a text that is no scene.
+    pub fn open(name: &str) -> Result<Self, SimError> {
+        if let Some(text) = named::text(name) {
+            return Self::parse(name, text, Path::new("."));
+        }
+        let path = Path::new(name);
+        if path.extension().is_none_or(|e| e != "toml") {
+            return Err(SimError::UnknownScene { name: name.to_owned() });
+        }
+        let text = std::fs::read_to_string(path).map_err(SimError::read(path))?;
+        Self::parse(name, &text, path.parent().unwrap_or(Path::new(".")))
+    }
+
+    /// From a scene's text; `folder` is where the files that it names lie.
+    ///
+    /// # Errors
+    /// [`SimError`]: what is wrong, with its line or its object's name.
+    pub fn parse(name: &str, text: &str, folder: &Path) -> Result<Self, SimError> {
+        let file: file::SceneFile =
+            toml::from_str(text).map_err(|e| SimError::Scene { scene: name.to_owned(), what: e.to_string() })?;
+        build::build(name, file, folder)
+    }
+
+    /// Its name or path.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What it shows, in a sentence.
+    #[must_use]
+    pub fn about(&self) -> &str {
+        &self.about
+    }
+
+    /// Where it is looked at from unless told otherwise.
+    #[must_use]
+    pub const fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// Named places (metres): where a virtual object may stand and its light be asked for.
+    #[must_use]
+    pub const fn places(&self) -> &BTreeMap<String, V3> {
+        &self.places
+    }
+
+    /// Names of the segments; segment id n (from 1) is the n-th of these, 0 is nothing.
+    #[must_use]
+    pub fn segments(&self) -> &[String] {
+        &self.segments
+    }
+
+    /// Whether anything moves.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.motions.iter().any(|m| !m.keys.is_empty())
+    }
+
+    /// Linear radiance times this is 1.0 at sRGB white.
+    #[must_use]
+    pub const fn exposure(&self) -> f64 {
+        self.exposure
+    }
+
+    /// The scene at a time in seconds.
+    #[must_use]
+    pub(crate) fn at(&self, time: f64) -> World<'_> {
+        World::new(self, time)
+    }
+}
