@@ -5,5 +5,6 @@
 
 pub mod geometry;
 pub mod image;
+pub(crate) mod lanes;
 pub mod math;
 pub mod units;

@@ -34,9 +34,16 @@ impl DepthNoise {
     /// Standard deviation in metres at depth `z` metres, of depth held as `D` in `unit`.
     #[must_use]
     pub fn sigma<D: DepthSample>(&self, z: f32, unit: DepthUnit) -> f32 {
+        math::sqrt(self.variance::<D>(z, unit))
+    }
+
+    /// The square of [`Self::sigma`], metres squared; plain arithmetic, for loops.
+    #[inline(always)]
+    #[must_use]
+    pub fn variance<D: DepthSample>(&self, z: f32, unit: DepthUnit) -> f32 {
         let model = self.constant + z * (self.linear + z * self.quadratic);
         let rounding = unit.metres() * D::ROUNDING;
-        math::sqrt(model * model + rounding * rounding)
+        model * model + rounding * rounding
     }
 }
 

@@ -1,11 +1,10 @@
 //! Step 1: a plane of inverse depth for every block, and whether the noise explains what is left.
 
 use super::Context;
+use crate::ground::lanes::{LANES, Lanes};
 use crate::localized::normals::exact::{HOLE, inverse};
 use crate::sensing::depth::DepthSample;
 
-/// Sums kept per column while a row of blocks is read, and the block's reference value.
-pub(super) const COLUMN_SUMS: usize = 7;
 /// Numbers kept per block.
 pub(super) const BLOCK_FIELDS: usize = 10;
 
@@ -48,30 +47,39 @@ impl<'a> BlockRow<'a> {
     }
 
     pub(super) fn clear(&mut self) {
-        for field in [
-            &mut self.n,
-            &mut self.x,
-            &mut self.y,
-            &mut self.xx,
-            &mut self.xy,
-            &mut self.yy,
-            &mut self.c,
-            &mut self.a,
-            &mut self.b,
-            &mut self.q,
-        ] {
+        for field in self.fields() {
             field.fill(0.0);
         }
     }
 
-    fn set(&mut self, i: usize, v: [f32; BLOCK_FIELDS]) {
-        let fields: [&mut [f32]; BLOCK_FIELDS] =
-            [self.n, self.x, self.y, self.xx, self.xy, self.yy, self.c, self.a, self.b, self.q];
-        for (field, value) in fields.into_iter().zip(v) {
+    fn fields(&mut self) -> [&mut [f32]; BLOCK_FIELDS] {
+        [self.n, self.x, self.y, self.xx, self.xy, self.yy, self.c, self.a, self.b, self.q]
+    }
+
+    /// Adds to one block's raw sums.
+    fn add(&mut self, i: usize, v: [f32; BLOCK_FIELDS]) {
+        for (field, value) in self.fields().into_iter().zip(v) {
             if let Some(cell) = field.get_mut(i) {
-                *cell = value;
+                *cell += value;
             }
         }
+    }
+
+    /// Eight blocks from `start`, field by field.
+    #[inline(always)]
+    pub(super) fn lanes(&self, start: usize) -> [Lanes; BLOCK_FIELDS] {
+        [
+            Lanes::load(self.n, start),
+            Lanes::load(self.x, start),
+            Lanes::load(self.y, start),
+            Lanes::load(self.xx, start),
+            Lanes::load(self.xy, start),
+            Lanes::load(self.yy, start),
+            Lanes::load(self.c, start),
+            Lanes::load(self.a, start),
+            Lanes::load(self.b, start),
+            Lanes::load(self.q, start),
+        ]
     }
 }
 
@@ -89,89 +97,122 @@ pub(super) fn read_line<D: DepthSample>(context: &Context<'_, '_, D>, y: usize, 
 pub(super) fn fill<D: DepthSample, const B: usize>(
     context: &Context<'_, '_, D>,
     row: usize,
-    line: &mut [f32],
-    sums: &mut [f32],
+    references: &mut [f32],
     out: &mut BlockRow<'_>,
 ) {
-    sums.fill(0.0);
-    let width = line.len();
-    let mut parts = sums.chunks_mut(width.max(1));
-    let mut part = || parts.next().unwrap_or_default();
-    let (reference, n, y, yy, w, yw, ww) = (part(), part(), part(), part(), part(), part(), part());
-    set_references::<D, B>(context, row, reference);
-    for j in 0..B {
-        read_line(context, row * B + j, line);
-        let dy = j as f32 - (B as f32 - 1.0) / 2.0;
-        let dyy = dy * dy;
-        let cells =
-            n.iter_mut().zip(y.iter_mut()).zip(yy.iter_mut()).zip(w.iter_mut()).zip(yw.iter_mut()).zip(ww.iter_mut());
-        for ((((((n, y), yy), w), yw), ww), (&value, &reference)) in cells.zip(line.iter().zip(reference.iter())) {
-            let real = value < 1e20;
-            let one = if real { 1.0 } else { 0.0 };
-            let d = if real { value - reference } else { 0.0 };
-            *n += one;
-            *y += one * dy;
-            *yy += one * dyy;
-            *w += d;
-            *yw += d * dy;
-            *ww += d * d;
+    out.clear();
+    let depth = context.frame.depth();
+    let rows: [&[D]; B] = core::array::from_fn(|j| depth.row(row * B + j));
+    let half = (B as f32 - 1.0) / 2.0;
+    set_references::<D, B>(context, row, references);
+    for first in (0..context.width).step_by(LANES) {
+        // Eight columns: two blocks, one, or half of one.
+        let reference: [f32; LANES] =
+            core::array::from_fn(|i| references.get((first + i) / B + 1).copied().unwrap_or(0.0));
+        let reference = Lanes(reference);
+        let [mut n, mut y, mut yy, mut w, mut yw, mut ww] = [Lanes::ZERO; 6];
+        for (j, line) in rows.iter().enumerate() {
+            let dy = j as i32 as f32 - half;
+            let value = read(line, first);
+            let real = value.below(Lanes::splat(1e20));
+            let d = (value - reference) * real;
+            n += real;
+            y += real * dy;
+            yy += real * (dy * dy);
+            w += d;
+            yw += d * dy;
+            ww += d * d;
+        }
+        add_columns::<B>(out, first, [n, y, yy, w, yw, ww]);
+    }
+    for start in (1..=context.across).step_by(LANES) {
+        solve::<D, B>(context, out, start, Lanes::load(references, start));
+    }
+}
+
+/// Eight inverse depths of a line from column `first`; holes beyond its end.
+#[inline(always)]
+fn read<D: DepthSample>(line: &[D], first: usize) -> Lanes {
+    let rest = line.get(first..).unwrap_or(&[]);
+    match rest.first_chunk::<LANES>() {
+        Some(values) => Lanes(values.map(inverse)),
+        None => {
+            let mut out = [HOLE; LANES];
+            for (w, &value) in out.iter_mut().zip(rest) {
+                *w = inverse(value);
+            }
+            Lanes(out)
         }
     }
-    let columns = n.as_chunks::<B>().0.iter().zip(y.as_chunks::<B>().0).zip(yy.as_chunks::<B>().0);
-    let columns = columns.zip(w.as_chunks::<B>().0).zip(yw.as_chunks::<B>().0).zip(ww.as_chunks::<B>().0);
-    for (i, ((((((n, y), yy), w), yw), ww), reference)) in columns.zip(reference.as_chunks::<B>().0).enumerate() {
-        let block = fit::<D, B>(context, [n, y, yy, w, yw, ww], reference.first().copied().unwrap_or(0.0));
-        out.set(i + 1, block.unwrap_or([0.0; BLOCK_FIELDS]));
+}
+
+/// Adds the sums of eight columns to their blocks: n, x, y, xx, xy, yy, w, xw, yw, ww.
+#[inline(always)]
+fn add_columns<const B: usize>(out: &mut BlockRow<'_>, first: usize, [n, y, yy, w, yw, ww]: [Lanes; 6]) {
+    // Offset of each column from the middle of its block.
+    let half = (B as f32 - 1.0) / 2.0;
+    let dx = Lanes(core::array::from_fn(|i| ((first + i) % B) as i32 as f32 - half));
+    let nx = n * dx;
+    let sums = [n, nx, y, nx * dx, y * dx, yy, w, w * dx, yw, ww];
+    if B >= LANES {
+        out.add(first / B + 1, sums.map(Lanes::sum));
+    } else {
+        // Two blocks of four.
+        let block = first / B + 1;
+        out.add(block, sums.map(|Lanes([a, b, c, d, ..])| (a + b) + (c + d)));
+        out.add(block + 1, sums.map(|Lanes([.., a, b, c, d])| (a + b) + (c + d)));
     }
 }
 
 /// A value near each block's inverse depths, subtracted before summing so that squares keep their digits: the middle
 /// pixel's, or any reading's.
-fn set_references<D: DepthSample, const B: usize>(context: &Context<'_, '_, D>, row: usize, reference: &mut [f32]) {
+fn set_references<D: DepthSample, const B: usize>(context: &Context<'_, '_, D>, row: usize, references: &mut [f32]) {
     let depth = context.frame.depth();
-    for (i, cell) in reference.as_chunks_mut::<B>().0.iter_mut().enumerate() {
+    for (i, cell) in references.iter_mut().skip(1).take(context.across).enumerate() {
         let middle = depth.get(i * B + B / 2, row * B + B / 2).filter(|v| v.is_valid());
         let any = || depth.crop(i * B, row * B, B, B).rows().flatten().copied().find(|v| v.is_valid());
-        *cell = [middle.or_else(any).map_or(0.0, inverse); B];
+        *cell = middle.or_else(any).map_or(0.0, inverse);
     }
 }
 
-/// The plane of one block from its column sums; `None` when readings are few or the residual is more than noise.
-fn fit<D: DepthSample, const B: usize>(
+/// The planes of eight blocks from their sums, in place; a block whose readings are few, or whose residual is more than
+/// noise, becomes empty.
+#[inline(always)]
+fn solve<D: DepthSample, const B: usize>(
     context: &Context<'_, '_, D>,
-    [n, y, yy, w, yw, ww]: [&[f32; B]; 6],
-    reference: f32,
-) -> Option<[f32; BLOCK_FIELDS]> {
-    let dx: [f32; B] = core::array::from_fn(|i| i as f32 - (B as f32 - 1.0) / 2.0);
-    let total = |v: &[f32; B]| v.iter().sum::<f32>();
-    let moment = |v: &[f32; B]| v.iter().zip(dx).map(|(v, dx)| v * dx).sum::<f32>();
-    let count = total(n);
-    if count < 0.3 * (B * B) as f32 {
-        return None;
-    }
-    let (sx, sy) = (moment(n), total(y));
-    let sxx = n.iter().zip(dx).map(|(n, dx)| n * dx * dx).sum::<f32>();
-    let (sxy, syy) = (moment(y), total(yy));
-    let (sw, sxw, syw, sww) = (total(w), moment(w), total(yw), total(ww));
-    let inv = 1.0 / count;
+    row: &mut BlockRow<'_>,
+    start: usize,
+    reference: Lanes,
+) {
+    let pixels = (B * B) as f32;
+    let spread = (pixels - 1.0) / 12.0;
+    let one = Lanes::splat(1.0);
+    let [n, sx, sy, sxx, sxy, syy, sw, sxw, syw, sww] = row.lanes(start);
+    // An empty block divides by 1; it is not kept.
+    let inv = n.select(Lanes::ZERO.below(n), one).recip();
     let (mx, my, mw) = (sx * inv, sy * inv, sw * inv);
     let (xx, xy, yy) = (sxx - sx * mx, sxy - sx * my, syy - sy * my);
     let (xw, yw, ww) = (sxw - sx * mw, syw - sy * mw, sww - sw * mw);
     let det = xx * yy - xy * xy;
-    // Pixels on one line have no plane; this far from square (a tenth) one direction is hardly held.
-    if det < 0.01 * (count * count) * ((B * B) as f32 / 12.0) * ((B * B) as f32 / 12.0) * 0.1 {
-        return None;
-    }
-    let a = (xw * yy - yw * xy) / det;
-    let b = (yw * xx - xw * xy) / det;
+    // Pixels on one line have no plane; a thousandth of a full square's determinant is hardly one.
+    let ns = n * spread;
+    let solid = (ns * ns * 1e-3).below(det);
+    let inv_det = det.select(solid, one).recip();
+    let a = (xw * yy - yw * xy) * inv_det;
+    let b = (yw * xx - xw * xy) * inv_det;
     let residual = ww - a * xw - b * yw;
-    let variance = context.variance(reference + mw);
-    let freedom = count - 3.0;
-    // Three standard deviations of chi-square: mean f, variance 2 f.
-    let slack = 3.0 * crate::ground::math::sqrt(2.0 * freedom);
-    if residual > variance * (freedom + slack) {
-        return None;
+    let mean = reference + mw;
+    let variance = mean.map(|w| context.variance(w));
+    // Chi-square has mean f and variance 2 f: three standard deviations above the mean.
+    let freedom = n - Lanes::splat(3.0);
+    let excess = (residual - variance * freedom).map(|e| e.max(0.0));
+    let explained = (excess * excess).below(variance * variance * freedom * 18.0 + Lanes::splat(f32::MIN_POSITIVE));
+    let enough = Lanes::splat(0.3 * pixels).below(n);
+    let keep = solid * explained * enough;
+    let c = mean - a * mx - b * my;
+    let fields = [n, sx, sy, sxx, sxy, syy, c, a, b, variance * inv];
+    for (field, value) in row.fields().into_iter().zip(fields) {
+        // Selected, not multiplied: what is not kept may be NaN.
+        value.select(keep, Lanes::ZERO).store(field, start);
     }
-    let c = reference + mw - a * mx - b * my;
-    Some([count, sx, sy, sxx, sxy, syy, c, a, b, variance * inv])
 }

@@ -24,6 +24,7 @@ mod tests;
 mod windows;
 
 use super::dense::DenseError;
+use crate::ground::lanes::LANES;
 use crate::ground::math;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::depth::noise::DepthNoise;
@@ -78,12 +79,15 @@ pub const fn scratch_len(width: usize) -> usize {
 const ROWS: usize = 3;
 const OUTPUTS: usize = 4;
 
+/// Cells of a row of blocks: one empty at either end, and room for the last vector.
+const fn cells(across: usize) -> usize {
+    across.saturating_add(2 + LANES)
+}
+
 const fn scratch_for(width: usize, block: usize) -> usize {
-    let blocks = width.div_ceil(block).saturating_add(2);
+    let blocks = cells(width.div_ceil(block));
     let padded = width.saturating_add(16);
-    padded
-        .saturating_mul(1 + blocks::COLUMN_SUMS + OUTPUTS)
-        .saturating_add(blocks.saturating_mul(ROWS * (BLOCK_FIELDS + WINDOW_FIELDS)))
+    padded.saturating_mul(1 + OUTPUTS).saturating_add(blocks.saturating_mul(1 + ROWS * (BLOCK_FIELDS + WINDOW_FIELDS)))
 }
 
 /// Estimates every normal and hands each row, top to bottom, to `each(y, row)`. Returns pixels done (with a reading) and
@@ -172,13 +176,13 @@ struct Context<'f, 'd, D: DepthSample> {
 
 impl<D: DepthSample> Context<'_, '_, D> {
     /// Variance of inverse depth (in inverse units) around `w`.
+    #[inline(always)]
     fn variance(&self, w: f32) -> f32 {
-        let unit = self.frame.unit().metres();
-        let z = unit / w;
-        // dw = unit dz / z²; never below what f32 itself rounds.
-        let sigma = self.noise.sigma::<D>(z, self.frame.unit()) * unit / (z * z);
+        let unit = self.frame.unit();
+        // dw = unit dz / z² = w² dz / unit; never below what f32 itself rounds.
+        let per_metre = w * w / unit.metres();
         let floor = 3e-7 * w;
-        sigma * sigma + floor * floor
+        self.noise.variance::<D>(unit.metres() / w, unit) * per_metre * per_metre + floor * floor
     }
 }
 
@@ -195,10 +199,10 @@ fn run<D: DepthSample, const B: usize>(
     let down = height.div_ceil(B);
     let padded = across * B;
     let (line, rest) = scratch.split_at_mut_checked(padded).unwrap_or_default();
-    let (sums, rest) = rest.split_at_mut_checked(padded * blocks::COLUMN_SUMS).unwrap_or_default();
     let (outputs, rest) = rest.split_at_mut_checked(width * OUTPUTS).unwrap_or_default();
     rest.fill(0.0);
-    let cells = across + 2;
+    let cells = cells(across);
+    let (references, rest) = rest.split_at_mut_checked(cells).unwrap_or_default();
     let (block_cells, window_cells) = rest.split_at_mut_checked(cells * ROWS * BLOCK_FIELDS).unwrap_or_default();
     let mut block_chunks = block_cells.chunks_mut(cells * BLOCK_FIELDS);
     let mut window_chunks = window_cells.chunks_mut(cells * WINDOW_FIELDS);
@@ -214,7 +218,7 @@ fn run<D: DepthSample, const B: usize>(
         block_ring.rotate_left(1);
         let [above, middle, below] = &mut block_ring;
         if step < down {
-            blocks::fill::<D, B>(&context, step, line, sums, below);
+            blocks::fill::<D, B>(&context, step, references, below);
         } else {
             below.clear();
         }

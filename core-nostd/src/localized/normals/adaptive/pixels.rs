@@ -3,6 +3,7 @@
 use super::blocks::read_line;
 use super::windows::WindowRow;
 use super::{AdaptiveRow, Context};
+use crate::ground::math;
 use crate::localized::normals::{NormalParams, normal_at};
 use crate::sensing::depth::DepthSample;
 use crate::skipping::Work;
@@ -100,16 +101,20 @@ fn choose<const B: usize>(windows: [&WindowRow<'_>; 3], at: usize, k: usize, dy:
     best.and_then(|(row, i)| take(row, i))
 }
 
-/// A pixel fitted on its own.
+/// A pixel fitted on its own: by its cross where that is sure to 3 degrees, else over 7 x 7 pixels.
 fn lone<D: DepthSample>(context: &Context<'_, '_, D>, x: usize, y: usize) -> [f32; 4] {
-    let Some(e) = normal_at(context.frame, x, y, &LONE) else {
-        return [f32::NAN; 4];
-    };
     let z = context.frame.z(x, y);
     let k = context.frame.intrinsics();
-    let sigma_z = context.noise.sigma::<D>(z, context.frame.unit());
-    // Slope error of a full square window of as many readings.
+    let f = 0.5 * (k.fx().abs() + k.fy().abs());
+    // Error of a slope of 1/z is sigma_z / z² over the root of its coordinates' squares; f z times that, on two axes, is the
+    // direction's. The cross has a root of 2; a square of n readings one of n (n - 1) / 12.
+    let one = core::f32::consts::SQRT_2 * f / z * context.noise.sigma::<D>(z, context.frame.unit());
+    let cross = one * core::f32::consts::FRAC_1_SQRT_2;
+    let params = if cross < 0.05 { NormalParams::default() } else { LONE };
+    let Some(e) = normal_at(context.frame, x, y, &params) else {
+        return [f32::NAN; 4];
+    };
     let n = f32::from(e.support);
-    let slope = sigma_z / (z * z) / crate::ground::math::sqrt(n * (n - 1.0).max(1.0) / 12.0);
-    [e.normal.x, e.normal.y, e.normal.z, 1.414 * 0.5 * (k.fx().abs() + k.fy().abs()) * z * slope]
+    let sigma = if params.radius == 0 { cross } else { one * math::inv_sqrt(n * (n - 1.0).max(1.0) / 12.0) };
+    [e.normal.x, e.normal.y, e.normal.z, sigma]
 }

@@ -1,0 +1,142 @@
+//! Eight numbers at a time, in plain safe Rust.
+//!
+//! Each operation is a loop over two arrays of eight, which the compiler turns into vector instructions on every target that
+//! has them, and which is correct on those that have not. For kernels whose loops the compiler does not vectorise by
+//! itself (many arrays, gathered operands). Comparisons give 1 or 0, so that selecting is multiplying.
+
+use core::ops::{Add, AddAssign, Mul, Neg, Sub};
+
+/// Numbers in a [`Lanes`].
+pub(crate) const LANES: usize = 8;
+
+/// Eight `f32`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(32))]
+pub(crate) struct Lanes(pub(crate) [f32; LANES]);
+
+impl Lanes {
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
+
+    #[inline(always)]
+    pub(crate) const fn splat(v: f32) -> Self {
+        Self([v; LANES])
+    }
+
+    /// 0, 1, 2, ... 7.
+    #[inline(always)]
+    pub(crate) const fn index() -> Self {
+        Self([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    }
+
+    /// Eight values from `start`; zeros where the slice ends before.
+    #[inline(always)]
+    pub(crate) fn load(slice: &[f32], start: usize) -> Self {
+        Self(slice.get(start..).and_then(|rest| rest.first_chunk()).copied().unwrap_or([0.0; LANES]))
+    }
+
+    /// Writes eight values from `start`; nothing where the slice ends before.
+    #[inline(always)]
+    pub(crate) fn store(self, slice: &mut [f32], start: usize) {
+        if let Some(cells) = slice.get_mut(start..).and_then(|rest| rest.first_chunk_mut()) {
+            *cells = self.0;
+        }
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        let mut out = self.0;
+        for (a, b) in out.iter_mut().zip(other.0) {
+            *a = f(*a, b);
+        }
+        Self(out)
+    }
+
+    #[inline(always)]
+    pub(crate) fn map(self, f: impl Fn(f32) -> f32) -> Self {
+        let mut out = self.0;
+        for a in &mut out {
+            *a = f(*a);
+        }
+        Self(out)
+    }
+
+    /// 1 where `self` is below `other`, else (and where either is NaN) 0.
+    #[inline(always)]
+    pub(crate) fn below(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { 1.0 } else { 0.0 })
+    }
+
+    /// `self` where `mask` is 1, `other` where it is 0.
+    #[inline(always)]
+    pub(crate) fn select(self, mask: Self, other: Self) -> Self {
+        let mut out = self.0;
+        for ((a, m), b) in out.iter_mut().zip(mask.0).zip(other.0) {
+            *a = if m != 0.0 { *a } else { b };
+        }
+        Self(out)
+    }
+
+    #[inline(always)]
+    pub(crate) fn recip(self) -> Self {
+        self.map(|v| 1.0 / v)
+    }
+
+    /// As [`inv_sqrt`](super::math::inv_sqrt).
+    #[inline(always)]
+    pub(crate) fn inv_sqrt(self) -> Self {
+        self.map(super::math::inv_sqrt)
+    }
+
+    #[inline(always)]
+    pub(crate) fn sum(self) -> f32 {
+        let [a, b, c, d, e, f, g, h] = self.0;
+        ((a + e) + (c + g)) + ((b + f) + (d + h))
+    }
+}
+
+impl Add for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl AddAssign for Lanes {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+}
+
+impl Mul<f32> for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: f32) -> Self {
+        self.map(|a| a * other)
+    }
+}
+
+impl Neg for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(|a| -a)
+    }
+}
