@@ -57,9 +57,10 @@ const VERBS: &[Verb] = &[
     Verb {
         name: "proof",
         arguments: "",
-        summary: "link the bare-metal proof image: no std, no allocator; print its sizes",
+        summary: "link the bare-metal proof image: no std, no allocator, no panic; print its sizes",
         details: "Links tests/firmware/proof for each bare-metal target, then checks the check: with an `extern crate alloc` in\n\
-                  the tree the link must fail. Prints text, data and bss, and which panic symbols are in the image.",
+                  the tree the link must fail, with an unchecked index a panic must be found. Prints text, data and bss. A panic\n\
+                  symbol in the image is an error, which names the functions that call it.",
         run: |args| no_arguments(&args).and_then(|()| proof::run()),
     },
     Verb {

@@ -77,7 +77,7 @@ const SUITES: &[Suite] = &[
     Suite {
         name: "proof",
         quick: false,
-        what: "an image without an allocator links, and one with `alloc` does not",
+        what: "an image without an allocator links, holds no panic, and one with `alloc` does not link",
         run: |_| proof::run(),
     },
     Suite {

@@ -80,6 +80,20 @@ pub fn acos(x: f32) -> f32 {
     libm::acosf(x.clamp(-1.0, 1.0))
 }
 
+/// `x` held between two bounds; NaN stays NaN. When the bounds cross it is the lower one: `f32::clamp` panics there, and
+/// where the compiler can't see that they don't cross, it links that panic.
+#[inline(always)]
+#[must_use]
+pub const fn clamp(x: f32, low: f32, high: f32) -> f32 {
+    if x < low || high < low {
+        low
+    } else if x > high {
+        high
+    } else {
+        x
+    }
+}
+
 /// e to the power `x`.
 #[inline]
 #[must_use]
@@ -111,6 +125,14 @@ pub fn round(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn clamp_takes_any_bounds() {
+        assert_eq!([-1.0, 0.5, 2.0, f32::INFINITY].map(|x| clamp(x, 0.0, 1.0)), [0.0, 0.5, 1.0, 1.0]);
+        assert!(clamp(f32::NAN, 0.0, 1.0).is_nan());
+        assert_eq!(clamp(0.5, 1.0, 0.0), 1.0);
+        assert_eq!(clamp(0.5, f32::NAN, f32::NAN), 0.5);
+    }
 
     #[test]
     fn inv_sqrt_is_within_three_ulp_of_the_f64_value() {

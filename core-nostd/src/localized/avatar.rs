@@ -16,6 +16,7 @@ use core::fmt;
 use glam::Vec3;
 
 use crate::ground::geometry::Ray;
+use crate::ground::math;
 use crate::ground::units::Timestamp;
 use crate::localized::one_euro::{OneEuro, OneEuroError, OneEuroParams};
 use crate::localized::raycast::{RayOutcome, RayParams, cast};
@@ -191,7 +192,7 @@ impl Avatar {
         if self.time.is_none_or(|last| time < last) {
             self.stood = time;
         }
-        let dt = self.time.map_or(0.0, |last| time.seconds_since(last)).clamp(0.0, p.longest_step);
+        let dt = math::clamp(self.time.map_or(0.0, |last| time.seconds_since(last)), 0.0, p.longest_step);
         self.time = Some(time);
 
         let way = target - self.place;

@@ -373,7 +373,8 @@ impl<'a> HeightMap<'a> {
         let (forward, v0) = axis(grid.forward, 1.0 / grid.cell);
         let (up, h0) = axis(grid.up, 1.0);
         let (u0, v0) = (u0 + 0.5 * w as f32, v0 + 0.5 * h as f32);
-        let (stride, steps) = (self.params.stride as usize, 1.0 / self.params.change);
+        // At least 1 already: said again for the compiler, which would link the panic of a step of 0.
+        let (stride, steps) = ((self.params.stride as usize).max(1), 1.0 / self.params.change);
         for (y, row) in frame.depth().rows().enumerate().step_by(stride) {
             let ry = (y as f32 - k.cy()) / k.fy();
             let (ru, rv, rh) = (right.y * ry + right.z, forward.y * ry + forward.z, up.y * ry + up.z);

@@ -192,7 +192,7 @@ struct Ring<'a> {
 impl<'a> Ring<'a> {
     fn new(storage: &'a mut [f32], padded: usize) -> Self {
         storage.fill(exact::HOLE);
-        let mut chunks = storage.chunks_mut(padded);
+        let mut chunks = storage.chunks_mut(padded.max(1));
         Self { rows: core::array::from_fn(|_| chunks.next().unwrap_or_default()) }
     }
 

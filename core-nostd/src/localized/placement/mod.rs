@@ -273,7 +273,7 @@ fn try_place<D: DepthSample>(
     let footprint = Footprint::new(frame, plane.project(middle), standing, params).ok_or(NoPlace::NoSurface)?;
     let clearance = params.clearance.max(3.0 * support.rms);
     let on_plane = |p: Vec3| plane.distance(p).abs() <= clearance;
-    let covered = footprint.grid(COVER_GRID).filter(|p| {
+    let covered = footprint.grid::<COVER_GRID>().filter(|p| {
         // The point of the plane under this cell of the footprint.
         read(frame, plane.project(*p), work).is_some_and(on_plane)
     });
@@ -316,7 +316,7 @@ fn fit_support<D: DepthSample>(
         let footprint =
             Footprint::new(frame, plane.project(middle), plane.normal(), params).ok_or(NoPlace::NoSurface)?;
         let mut sum = PlaneSum::new();
-        for point in footprint.grid(FIT_GRID) {
+        for point in footprint.grid::<FIT_GRID>() {
             if let Some(p) = read(frame, point, work).filter(|p| plane.distance(*p).abs() <= gate) {
                 sum.add(p);
             }
@@ -358,10 +358,10 @@ impl Footprint {
         self.middle + self.rotation * Vec3::new(x * self.half.0, 0.0, z * self.half.1)
     }
 
-    /// The middles of n by n cells.
-    fn grid(&self, n: usize) -> impl Iterator<Item = Vec3> + '_ {
-        let place = move |i: usize| (2 * i + 1) as f32 / n as f32 - 1.0;
-        (0..n * n).map(move |i| self.at(place(i % n), place(i / n)))
+    /// The middles of N by N cells.
+    fn grid<const N: usize>(&self) -> impl Iterator<Item = Vec3> + '_ {
+        let place = |i: usize| (2 * i + 1) as f32 / N as f32 - 1.0;
+        (0..N * N).map(move |i| self.at(place(i % N), place(i / N)))
     }
 
     /// The box whose lowest corner touches the plane.

@@ -86,7 +86,8 @@ pub fn find_place<D: DepthSample>(
         for j in -up..=down {
             // Whole rows at the top and the bottom of the ring, its two ends between.
             let whole = j.abs() == ring;
-            let (first, last, stride) = if whole { (-left, right, 1) } else { (-ring, ring, 2 * ring as usize) };
+            let (first, last, stride) =
+                if whole { (-left, right, 1) } else { (-ring, ring, (2 * ring as usize).max(1)) };
             for i in (first..=last).step_by(stride) {
                 let spot = (usize::try_from(x0 + i * step), usize::try_from(y0 + j * step));
                 let (Ok(x), Ok(y)) = spot else { continue };
@@ -139,9 +140,9 @@ fn keep(best: &mut [Option<Placement>], new: Placement, params: &PlaceParams) {
 fn close_gaps(best: &mut [Option<Placement>]) {
     let mut rest = best;
     while let Some(gap) = rest.iter().position(Option::is_none) {
-        let Some(tail) = rest.get_mut(gap..) else { return };
-        let Some(next) = tail.iter().position(Option::is_some) else { return };
-        tail.swap(0, next);
-        rest = tail.get_mut(1..).unwrap_or(&mut []);
+        let Some((empty, tail)) = rest.get_mut(gap..).and_then(<[_]>::split_first_mut) else { return };
+        let Some(next) = tail.iter_mut().find(|slot| slot.is_some()) else { return };
+        *empty = next.take();
+        rest = tail;
     }
 }

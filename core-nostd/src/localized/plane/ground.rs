@@ -206,7 +206,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
     }
 
     fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + use<D> {
-        let ((w, h), step) = (self.frame.size(), self.step);
+        let ((w, h), step) = (self.frame.size(), self.step.max(1));
         (step / 2..h).step_by(step).flat_map(move |y| (step / 2..w).step_by(step).map(move |x| (x, y)))
     }
 
@@ -361,7 +361,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
             let found = sum.fit(up).map_err(|_| NoGround::NotFlat)?;
             plane = found.plane;
             // Three deviations keep 99.7 % of a Gaussian; the floor keeps quantised, noise-free depth alive.
-            band = (3.0 * found.rms).clamp(0.25 * self.params.bin, 5.0 * self.params.bin);
+            band = math::clamp(3.0 * found.rms, 0.25 * self.params.bin, 5.0 * self.params.bin);
             fit = Some(found);
         }
         let fit = fit.ok_or(NoGround::NotFlat)?;

@@ -43,8 +43,11 @@ pub struct Node {
 }
 
 impl Node {
-    /// What the slice is filled with.
-    pub const EMPTY: Self = Self { g: f32::INFINITY, f: f32::INFINITY, place: 0, slot: 0, from: 0, state: 0 };
+    /// What the slice is filled with: all zero, so that a static one costs no flash. A plan begins by overwriting it.
+    pub const EMPTY: Self = Self { g: 0.0, f: 0.0, place: 0, slot: 0, from: 0, state: 0 };
+
+    /// Never reached.
+    const FAR: Self = Self { g: f32::INFINITY, f: f32::INFINITY, ..Self::EMPTY };
 
     const CLOSED: u32 = u32::MAX;
     /// Can't be stood on.
@@ -333,7 +336,7 @@ pub fn path_changed(map: &HeightMap<'_>, walker: &Walker, points: &[Vec3], since
     points.windows(2).any(|pair| {
         let &[a, b] = pair else { return false };
         // One sample a cell: the reach has a cell to spare.
-        let steps = math::ceil(a.distance(b) / grid.cell()).clamp(1.0, (width + depth) as f32) as u32;
+        let steps = math::clamp(math::ceil(a.distance(b) / grid.cell()), 1.0, (width + depth) as f32) as u32;
         (0..=steps).any(|i| touched(a + (b - a) * (i as f32 / steps as f32)))
     })
 }

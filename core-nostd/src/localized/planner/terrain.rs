@@ -32,7 +32,7 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
         HolePolicy::Free => 0,
     };
     for (node, c) in nodes.iter_mut().zip(map.cells()) {
-        *node = Node::EMPTY;
+        *node = Node::FAR;
         node.state = match c.is_known() {
             false => unknown,
             // Negated, so that NaN is an obstacle.

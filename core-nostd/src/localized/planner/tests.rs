@@ -302,3 +302,12 @@ fn how_long_it_takes() {
         });
     }
 }
+
+#[test]
+fn a_map_without_cells_is_left_at_once() {
+    let grid = Grid::new(Vec3::ZERO, Vec3::Y, Vec3::Z, 0.1, 0, 0).unwrap();
+    let map = HeightMap::new(grid, &mut [], HeightMapParams::DEFAULT).unwrap();
+    assert!(path_changed(&map, &Walker::DEFAULT, &[Vec3::ZERO, Vec3::X], 0));
+    let plan = Planner::new(&mut []).plan(&map, &Walker::DEFAULT, Vec3::ZERO, Vec3::X, &mut []);
+    assert_eq!(plan, Ok(Plan::StartOutside));
+}

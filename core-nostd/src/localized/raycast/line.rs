@@ -9,6 +9,7 @@
 use glam::Vec3;
 
 use crate::ground::geometry::Ray;
+use crate::ground::math;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
@@ -165,8 +166,8 @@ impl Line {
         let project = |t: f32| {
             let p = o + d * t;
             let z = p.z.max(NEAR);
-            let u = (k.fx() * (p.x / z) + k.cx() + 0.5).clamp(0.0, w);
-            let v = (k.fy() * (p.y / z) + k.cy() + 0.5).clamp(0.0, h);
+            let u = math::clamp(k.fx() * (p.x / z) + k.cx() + 0.5, 0.0, w);
+            let v = math::clamp(k.fy() * (p.y / z) + k.cy() + 0.5, 0.0, h);
             (u, v, 1.0 / z)
         };
         let (first, last) = (project(t0), project(t1));

@@ -31,6 +31,7 @@ mod tests;
 use glam::Vec3;
 
 use crate::ground::geometry::Ray;
+use crate::ground::math;
 use crate::sensing::depth::{DepthSample, HolePolicy};
 use crate::sensing::frame::DepthFrame;
 use crate::skipping::Work;
@@ -294,7 +295,7 @@ impl<D: DepthSample> March<'_, D> {
         let (z_in, z_out) = (self.line.z(from), self.line.z(to));
         if z_in < depth {
             self.side = Side::Front;
-            let progress = self.line.progress_at(depth).clamp(from, to);
+            let progress = math::clamp(self.line.progress_at(depth), from, to);
             return (z_out >= depth).then_some(Found { progress, pixel, from_hole: false });
         }
         if self.side == Side::Front && z_in - depth <= self.thickness {

@@ -50,6 +50,9 @@ pub extern "C" fn _start() -> ! {
     // SAFETY: the only reference ever made to MEMORY: there is one entry, one thread, and it never returns.
     let memory = unsafe { &mut *(&raw mut MEMORY) };
     black_box(exercise(black_box(memory)));
+    // The negative control: an index that nobody has checked.
+    #[cfg(feature = "with-panic")]
+    black_box([1, 2, 3][black_box(2_usize)]);
     loop {
         core::hint::spin_loop();
     }

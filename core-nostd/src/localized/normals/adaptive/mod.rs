@@ -204,8 +204,8 @@ fn run<D: DepthSample, const B: usize>(
     let cells = cells(across);
     let (references, rest) = rest.split_at_mut_checked(cells).unwrap_or_default();
     let (block_cells, window_cells) = rest.split_at_mut_checked(cells * ROWS * BLOCK_FIELDS).unwrap_or_default();
-    let mut block_chunks = block_cells.chunks_mut(cells * BLOCK_FIELDS);
-    let mut window_chunks = window_cells.chunks_mut(cells * WINDOW_FIELDS);
+    let mut block_chunks = block_cells.chunks_mut((cells * BLOCK_FIELDS).max(1));
+    let mut window_chunks = window_cells.chunks_mut((cells * WINDOW_FIELDS).max(1));
     let mut block_ring: [BlockRow<'_>; ROWS] =
         core::array::from_fn(|_| BlockRow::new(block_chunks.next().unwrap_or_default(), cells));
     let mut window_ring: [WindowRow<'_>; ROWS] =
