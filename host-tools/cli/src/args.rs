@@ -7,21 +7,26 @@ use isobath::glam::{Vec2, Vec3};
 
 const AFTER: &str = "\
 Start here:
-  isobath run data/motorcycle            look at everything, write out/motorcycle/report.html
+  isobath run data/motorcycle    look at everything, write a report
   isobath hit data/motorcycle --pixel 370,250
-  isobath help run                       everything about one command
+  isobath help run               everything about one command
 
-Lengths are metres, angles degrees on the command line. Pixels count from the top left, pixel
-centres at whole numbers. The camera frame is x right, y down, z forward; depth `z` is along the
-axis, `range` is the length of the ray. Points and directions are world coordinates: the camera
-frame itself when the recording has no poses.
+Lengths are metres; angles on the command line are degrees. Pixels count from
+the top left, pixel centres at whole numbers. The camera frame is x right,
+y down, z forward; depth `z` is along the axis, `range` the length of the ray.
+Points and directions are in the world: the camera frame itself when the
+recording has no poses.
 
-Exit codes: 0 fine, 1 failed, 2 the command line was wrong. An answer such as `no depth there`
-is an answer: exit code 0.";
+With --json, lengths are metres (names end in _m), angles radians (_rad), times
+nanoseconds (_ns); points are [x, y, z]. host-tools/cli/README.md names every
+field.
+
+Exit codes: 0 fine, 1 failed, 2 the command line was wrong. An answer such as
+`no depth there` is an answer: 0.";
 
 /// Depth cameras turned into answers: is this solid, which way does it face, does the object fit, how does one walk there
 #[derive(Debug, Parser)]
-#[command(name = "isobath", version, after_help = AFTER, propagate_version = true, max_term_width = 100)]
+#[command(name = "isobath", version, after_help = AFTER, propagate_version = true, max_term_width = 80)]
 pub(crate) struct Cli {
     /// Answer as JSON, for machines (lengths in metres: names end in `_m`); errors too, on stderr
     #[arg(long, global = true)]
@@ -95,7 +100,7 @@ pub(crate) struct SourceArgs {
     #[arg(id = "image_size", long = "size", value_name = "WxH", value_parser = size, help_heading = "Camera")]
     pub(crate) size: Option<(usize, usize)>,
 
-    /// Which way is up in the world [default: the camera file's `up`, else the top of the image]
+    /// Which way is up in the world [default: the camera file's `up`, else the normal of the ground seen, else the top of the image]
     #[arg(long, value_name = "X,Y,Z", value_parser = vec3, allow_hyphen_values = true, help_heading = "Camera")]
     pub(crate) up: Option<Vec3>,
 
@@ -130,10 +135,11 @@ Examples:
   isobath run scans/kitchen --out /tmp/kitchen --max-z 6
   isobath run scan.png --intrinsics 525,525,319.5,239.5 --unit 0.0002
 
-Writes DIR/report.html (one file that needs nothing else) and DIR/report.json (what --json prints).
-Each frame: read, depth pyramid, normals, ground plane, reticle at the centre, a chair-sized box
-at several spots, height map, path across the scene. All buffers are allocated before the first
-frame; times are wall clock on one core.")]
+Writes DIR/report.html (one file that needs nothing else) and DIR/report.json
+(what --json prints). Each frame: depth pyramid, normals, ground plane, reticle
+at the centre, rays from a hand, a chair and a stool at 32 taps, height map,
+path across the scene. All memory is taken before the first frame; times are
+wall clock on one core.")]
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -176,8 +182,8 @@ pub(crate) enum Method {
 Example:
   isobath normals data/motorcycle --out normals.npy --png normals.png
 
-The array is height x width x 3, f32: unit normals in the camera frame (x right, y down, z forward),
-facing the camera, NaN where there is none.")]
+The array is height x width x 3, f32: unit normals in the camera frame
+(x right, y down, z forward), facing the camera, NaN where there is none.")]
 pub(crate) struct NormalsArgs {
     #[command(flatten)]
     pub(crate) of: FrameArgs,
@@ -205,8 +211,8 @@ Examples:
   isobath points data/motorcycle --out motorcycle.ply
   isobath points scans/kitchen --frame 12 --world --out frame12.npy
 
-PLY: binary, one vertex a reading, with colour when the frame has it. NPY: height x width x 3, f32
-metres, NaN in holes.")]
+PLY: binary, one vertex a reading, with colour when the frame has it.
+NPY: height x width x 3, f32 metres, NaN in holes.")]
 pub(crate) struct PointsArgs {
     #[command(flatten)]
     pub(crate) of: FrameArgs,
@@ -225,8 +231,8 @@ pub(crate) struct PointsArgs {
 Example:
   isobath hit data/motorcycle --pixel 370,250
 
-JSON: answer (hit | no_depth | outside_view), point_m, camera_point_m, normal, z_m, range_m,
-sigma_z_m (one standard deviation), confidence (0 to 1), support, residual_m.")]
+Answers: hit, no_depth, outside_view. The error bar is one standard deviation
+of z under the Kinect's noise model, which grows with z squared.")]
 pub(crate) struct HitArgs {
     #[command(flatten)]
     pub(crate) of: FrameArgs,
@@ -242,8 +248,8 @@ Examples:
   isobath raycast data/motorcycle --from 0,0,0 --dir 0.1,0.2,1
   isobath raycast scans/kitchen --frame 3 --world --from 1,0.5,2 --dir 0,-1,0
 
-JSON: answer (hit | hit_occluded | miss | outside_view | no_depth), point_m, normal, distance_m,
-work_done, work_skipped.")]
+Answers: hit, hit_occluded (it goes behind a surface; what is there nobody
+sees), miss, no_depth (it met holes alone), outside_view.")]
 pub(crate) struct RaycastArgs {
     #[command(flatten)]
     pub(crate) of: FrameArgs,
@@ -285,8 +291,9 @@ pub(crate) struct MeasureArgs {
 Example:
   isobath place data/motorcycle --box 0.4,0.5,2.2,0.5,0.9,0.5 --yaw 30
 
-The box stands upright: SX and SZ are its sides along the ground, SY its height along `up`.
-JSON: answer (free | blocked | unknown), voters, visible, votes (one a point).")]
+The box stands upright: SX and SZ are its sides along the ground, SY its
+height. Its 13 points vote; those in holes or out of view don't.
+Answers: free, blocked, unknown (too few can vote).")]
 pub(crate) struct PlaceArgs {
     #[command(flatten)]
     pub(crate) of: FrameArgs,
@@ -311,8 +318,8 @@ pub(crate) struct PlaceArgs {
 Example:
   isobath find-place data/motorcycle --size 0.5,0.9,0.5
 
-Tries pixels of a grid over the image: where a surface is level, wide and free enough, the box can
-stand. Lists the places nearest first.")]
+Tries pixels all over the image. A place is level, flat and wide enough, and
+the whole box is in sight with nothing in it. Lists the best ones first.")]
 pub(crate) struct FindPlaceArgs {
     #[command(flatten)]
     pub(crate) of: FrameArgs,
@@ -329,10 +336,10 @@ pub(crate) struct FindPlaceArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  isobath path data/motorcycle --from -0.6,1,2.6 --to 0.9,1,4.2
+  isobath path data/motorcycle --from 0.15,0.54,2.17 --to -1,0.25,3.25
 
-Points are put down onto the ground below them. Holes in the scene are not walked on.
-JSON: answer (path | no_path | start_unknown | goal_unknown | ...), length_m, points_m, work_done.")]
+Points are put down onto the ground below them. What was never seen is not
+walked on. Answers: path, no_path, start_ or goal_ outside, unknown, blocked.")]
 pub(crate) struct PathArgs {
     #[command(flatten)]
     pub(crate) of: FrameArgs,

@@ -29,7 +29,7 @@ use isobath::localized::plane::ground::{GroundEstimate, GroundParams, estimate_g
 use isobath::localized::planner::{Node, Plan, Planner, Walker};
 use isobath::localized::raycast::{RayOutcome, RayParams, cast};
 use isobath::localized::reticle::{Reticle, ReticleHit, ReticleParams, ReticleState};
-use isobath::sensing::depth::DepthSample;
+use isobath::sensing::depth::{DepthSample, HolePolicy};
 use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::Work;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
@@ -52,6 +52,9 @@ const TAPS: (usize, usize) = (8, 4);
 const LEVEL: f32 = 0.906;
 /// Rays of the fan, along each side of the view.
 const FAN: usize = 5;
+/// Half of the points hidden is much for a chair: a fifth blocks it here.
+const STRICT: CollisionParams =
+    CollisionParams { tolerance: 0.12, threshold: 0.2, min_voters: 0.5, holes: HolePolicy::Unknown };
 /// Who walks: a small character, as the corridors that one camera sees are narrow.
 pub(crate) const WALKER: Walker = Walker { radius: 0.15, ..Walker::DEFAULT };
 
@@ -313,7 +316,8 @@ impl<'m, D: DepthSample> Pipeline<'m, D> {
         work[PLACES] = Some(done);
 
         let map = watch.time(HEIGHT_MAP, || self.map.integrate(frame));
-        work[HEIGHT_MAP] = Some(Work { done: map.used + map.overhead + map.outside, skipped: map.holes });
+        let used = map.used + map.overhead + map.outside;
+        work[HEIGHT_MAP] = Some(Work { done: used, skipped: (width * height) as u32 - used });
         let map_known = self.map.cells().iter().filter(|c| c.is_known()).count();
 
         let ends = self.ends(frame.pose_or_identity().translation())?;
@@ -443,7 +447,7 @@ fn chair_at<D: DepthSample>(
     let z = (to_camera - up * to_camera.dot(up)).try_normalize().filter(|_| level)?;
     let rotation = Quat::from_mat3(&Mat3::from_cols(up.cross(z), up, z));
     let chair = OrientedBox { centre: hit.point + up * (CHAIR.y / 2.0), half: CHAIR / 2.0, rotation };
-    Some((chair, vote(frame, box_points(&chair, up), &CollisionParams::default())))
+    Some((chair, vote(frame, box_points(&chair, up), &STRICT)))
 }
 
 /// Where the map lies: on the ground, reaching from the camera forwards; around the camera when it will move.

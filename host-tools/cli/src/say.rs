@@ -165,8 +165,8 @@ pub(crate) fn point(p: isobath::glam::Vec3) -> String {
 pub(crate) fn duration(nanos: f64) -> String {
     match nanos {
         n if n < 1e3 => format!("{n:.0} ns"),
-        n if n < 1e5 => format!("{:.1} us", n / 1e3),
-        n if n < 1e6 => format!("{:.0} us", n / 1e3),
+        n if n < 1e5 => format!("{:.1} µs", n / 1e3),
+        n if n < 1e6 => format!("{:.0} µs", n / 1e3),
         n if n < 1e8 => format!("{:.2} ms", n / 1e6),
         n => format!("{:.2} s", n / 1e9),
     }
@@ -206,7 +206,7 @@ mod tests {
         assert_eq!(metres(2.5), "2.50\u{a0}m");
         assert_eq!(metres(f32::NAN), "unknown");
         assert_eq!(duration(1.5e6), "1.50 ms");
-        assert_eq!(duration(15.0e3), "15.0 us");
+        assert_eq!(duration(15.0e3), "15.0 µs");
         assert_eq!(point(isobath::glam::Vec3::new(-0.001, 1.0, 2.345)), "(0.00,\u{a0}1.00,\u{a0}2.35)");
     }
 

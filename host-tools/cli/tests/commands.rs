@@ -298,3 +298,42 @@ fn recordings_without_anything_to_find_still_give_a_report() {
         assert!(Path::new(&out).join("report.html").exists());
     }
 }
+
+#[test]
+fn every_field_is_documented() {
+    let readme = include_str!("../README.md");
+    let row = |command: &str| {
+        let start = format!("| `{command}` |");
+        readme.lines().find(|l| l.starts_with(&start)).unwrap_or_else(|| panic!("{command} has a row")).to_owned()
+    };
+    let (m, folder) = (motorcycle(), Folder::new());
+    let (out, npy) = (folder.path("report"), folder.path("n.npy"));
+    for args in [
+        vec!["info", &m],
+        vec!["normals", &m, "--out", &npy],
+        vec!["points", &m, "--out", &npy],
+        vec!["hit", &m, "--pixel", "370,250"],
+        vec!["raycast", &m, "--from", "0,0,0", "--dir", "0.1,0.2,1"],
+        vec!["measure", &m, "--pixels", "200,250", "520,260"],
+        vec!["place", &m, "--box", "0,0.6,2.6,0.5,0.9,0.5"],
+        vec!["find-place", &m, "--size", "0.3,0.4,0.3"],
+        vec!["path", &m, "--from", "0.15,0.54,2.17", "--to", "-1,0.25,3.25"],
+        vec!["run", &m, "--out", &out, "--repeat", "1"],
+    ] {
+        let answer = json(&args);
+        let row = row(args[0]);
+        for field in answer.as_object().expect("an object").keys() {
+            let common = ["command", "source", "frame"].contains(&field.as_str());
+            assert!(common || row.contains(&format!("`{field}`")), "{}: {field}", args[0]);
+        }
+        if args[0] == "path" {
+            assert_eq!(answer["answer"], "path", "the example of the help is one");
+        }
+        if args[0] == "run" {
+            let results = readme.split_once("One of `run`'s").expect("a table").1;
+            for field in answer["results"][0].as_object().expect("an object").keys() {
+                assert!(results.contains(&format!("`{field}`")), "results: {field}");
+            }
+        }
+    }
+}

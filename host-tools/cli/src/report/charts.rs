@@ -51,7 +51,7 @@ pub(crate) fn timings(bars: &[Bar]) -> String {
     const W: f32 = 520.0;
     const ROW: f32 = 26.0;
     const LEFT: f32 = 104.0;
-    const RIGHT: f32 = 158.0;
+    const RIGHT: f32 = 186.0;
     let mut svg = Svg::new(W, bars.len() as f32 * ROW + 6.0, "time per stage");
     let longest = bars.iter().map(|b| b.worst).fold(1.0, f64::max);
     let scale = |ns: f64| ((ns / longest) as f32 * (W - LEFT - RIGHT)).max(1.5);

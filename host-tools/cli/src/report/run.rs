@@ -235,7 +235,7 @@ fn ray_counts(found: &Findings) -> [usize; 5] {
 fn findings_json(found: &Findings) -> Value {
     let ground = match &found.ground {
         Ok(g) => json!({
-            "answer": "ground", "normal": g.fit.plane.normal().to_array(), "offset_m": g.fit.plane.offset(),
+            "answer": "ground", "camera_height_m": g.fit.plane.distance(found.camera), "normal": g.fit.plane.normal().to_array(), "offset_m": g.fit.plane.offset(),
             "rms_m": g.fit.rms, "tilt_from_up_rad": g.tilt, "tilt_sigma_rad": g.fit.tilt_sigma, "area_m2": g.area,
         }),
         Err(why) => json!({ "answer": "no_ground", "why": why }),
@@ -325,7 +325,7 @@ impl Overview<'_> {
         out.push(match &f.ground {
             Ok(g) => (
                 "ground",
-                format!("{} below the camera", metres(self.camera_height(g.fit.plane.normal(), g.fit.plane.offset()))),
+                format!("{} below the camera", metres(g.fit.plane.distance(f.camera))),
                 format!("{:.1} m² of it seen, flat to {} RMS; {}", g.area, metres(g.fit.rms), self.pitch()),
             ),
             Err(why) => ("ground", "not found".into(), why.clone()),
@@ -333,7 +333,7 @@ impl Overview<'_> {
         out.push(match (&f.hit, f.reticle) {
             (HitOutcome::Hit(hit), _) => (
                 "reticle",
-                format!("{} ahead, ± {}", metres(hit.z), metres(hit.sigma_z)),
+                format!("{} ahead, ±\u{a0}{}", metres(hit.z), metres(hit.sigma_z)),
                 hit.normal.map_or("no normal there".into(), |n| {
                     let tilt = n.dot(self.up.direction).clamp(-1.0, 1.0).acos().to_degrees();
                     format!("at {}, its normal {tilt:.0}° from up", point(hit.point))
@@ -356,7 +356,7 @@ impl Overview<'_> {
             "chair",
             format!("free at {free} of {level} taps"),
             format!(
-                "blocked at {blocked}, unknown at {unknown}; {} m, majority vote; {level} of {} taps met level ground",
+                "blocked at {blocked}, unknown at {unknown}; {}\u{a0}m, a vote of 13 points; {level} of {} taps met level ground",
                 CHAIR_SAID,
                 f.taps.len()
             ),
@@ -364,7 +364,7 @@ impl Overview<'_> {
         out.push((
             "stool",
             format!("fits at {} of {} taps", f.stools().count(), f.taps.len()),
-            format!("{STOOL_SAID} m, level and wholly in sight"),
+            format!("{STOOL_SAID}\u{a0}m, level and wholly in sight"),
         ));
         out.push((
             "height map",
@@ -392,10 +392,6 @@ impl Overview<'_> {
         let down = -self.found.axis.dot(self.up.direction).clamp(-1.0, 1.0).asin().to_degrees();
         let way = if down < 0.0 { "up" } else { "down" };
         format!("the camera looks {:.0}° {way}", down.abs())
-    }
-
-    fn camera_height(&self, normal: Vec3, offset: f32) -> f32 {
-        normal.dot(self.found.camera) - offset
     }
 
     /// For people, on a terminal.
@@ -519,11 +515,7 @@ impl Overview<'_> {
         let cards = self
             .answers()
             .into_iter()
-            .map(|(name, value, detail)| {
-                let mut name = name.to_owned();
-                name[..1].make_ascii_uppercase();
-                Card { name, value, detail }
-            })
+            .map(|(name, value, detail)| Card { name: capital(name), value: capital(&value), detail: capital(&detail) })
             .collect();
         let mut figures = drawings.figures;
         let mut bars: Vec<Bar> = STAGES
@@ -645,7 +637,7 @@ fn scene_figure<D: DepthSample>(frame: &DepthFrame<'_, D>, found: &Findings, nor
         pen.polyline(&mut svg, &lifted, "#1a1400", 5.0 * unit);
         pen.polyline(&mut svg, &lifted, colours::PATH, 3.0 * unit);
         for (p, name) in [(lifted.first(), "start"), (lifted.last(), "goal")] {
-            if let Some(at) = p.and_then(|&p| pen.pixel(p)) {
+            if let Some(at) = p.and_then(|&p| pen.pixel(p)).filter(|&at| inside(at, frame.size())) {
                 svg.circle(at, 4.5 * unit, colours::PATH, "stroke=\"#1a1400\" stroke-width=\"1.2\"");
                 svg.label([at[0], at[1] - 9.0 * unit], 13.0 * unit, name, colours::PATH, "middle");
             }
@@ -675,11 +667,16 @@ fn scene_figure<D: DepthSample>(frame: &DepthFrame<'_, D>, found: &Findings, nor
             (colours::CURSOR, "reticle and its normal"),
         ]),
         caption: "Drawn through the frame's own camera; what the real scene hides is dashed. Where a tap meets level \
-                  ground, a chair (0.5 x 0.9 x 0.5 m) is judged by majority vote of its points; a stool (0.3 x 0.4 x 0.3 m) must \
+                  ground, a chair (0.5 x 0.9 x 0.5 m) is judged by the vote of 13 of its points (a fifth hidden blocks); a stool (0.3 x 0.4 x 0.3 m) must \
                   stand level and be wholly in sight. Of overlapping ones the nearest is drawn."
             .into(),
         wide: true,
     }
+}
+
+/// Whether a place is on the picture, give or take a few pixels.
+fn inside([x, y]: [f32; 2], (w, h): (usize, usize)) -> bool {
+    (-4.0..w as f32 + 4.0).contains(&x) && (-4.0..h as f32 + 4.0).contains(&y)
 }
 
 fn depth_figure<D: DepthSample>(frame: &DepthFrame<'_, D>) -> Figure {
@@ -696,6 +693,12 @@ fn depth_figure<D: DepthSample>(frame: &DepthFrame<'_, D>) -> Figure {
         ),
         wide: false,
     }
+}
+
+/// With a capital first letter.
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
 /// A round number without trailing zeros.
