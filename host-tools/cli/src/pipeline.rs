@@ -52,6 +52,8 @@ const TAPS: (usize, usize) = (8, 4);
 const LEVEL: f32 = 0.906;
 /// Rays of the fan, along each side of the view.
 const FAN: usize = 5;
+/// How far below the camera the ground is taken to be when none is seen, metres: a standing person's eyes.
+pub(crate) const STANDING: f32 = 1.5;
 /// Half of the points hidden is much for a chair: a fifth blocks it here.
 const STRICT: CollisionParams =
     CollisionParams { tolerance: 0.12, threshold: 0.2, min_voters: 0.5, holes: HolePolicy::Unknown };
@@ -170,6 +172,8 @@ impl<D: DepthSample> Memory<D> {
 pub(crate) struct World {
     pub(crate) up: Vec3,
     pub(crate) grid: Grid,
+    /// Whether the grid lies on ground that was seen; otherwise [`STANDING`] metres below the camera.
+    pub(crate) grounded: bool,
 }
 
 /// Runs the stages over frames.
@@ -215,6 +219,10 @@ impl<'m, D: DepthSample> Pipeline<'m, D> {
             ground: None,
             reticle: Reticle::new(ReticleParams::DEFAULT).map_err(|e| Failure::of(&e, "reticle"))?,
         })
+    }
+
+    pub(crate) const fn grounded(&self) -> bool {
+        self.world.grounded
     }
 
     pub(crate) const fn map(&self) -> &HeightMap<'m> {
@@ -450,16 +458,17 @@ fn chair_at<D: DepthSample>(
     Some((chair, vote(frame, box_points(&chair, up), &STRICT)))
 }
 
-/// Where the map lies: on the ground, reaching from the camera forwards; around the camera when it will move.
-pub(crate) fn lay_grid<D: DepthSample>(frame: &DepthFrame<'_, D>, up: Vec3, moves: bool) -> Outcome<Grid> {
+/// Where the map lies: on the ground, reaching from the camera forwards; around the camera when it will move. And whether
+/// there was any ground.
+pub(crate) fn lay_grid<D: DepthSample>(frame: &DepthFrame<'_, D>, up: Vec3, moves: bool) -> Outcome<(Grid, bool)> {
     let forward = flat_forward(frame, up);
     let camera = frame.pose_or_identity().translation();
-    let foot = match estimate_ground(frame, up, &GroundParams::DEFAULT) {
+    let ground = estimate_ground(frame, up, &GroundParams::DEFAULT);
+    let foot = match &ground {
         Ok(found) => camera - up * found.fit.plane.distance(camera) / found.fit.plane.normal().dot(up),
-        // Where a standing person's feet would be.
-        Err(_) => camera - up * 1.5,
+        Err(_) => camera - up * STANDING,
     };
     let ahead = MAP_CELLS as f32 * MAP_CELL * if moves { 0.2 } else { 0.45 };
-    Grid::new(foot + forward * ahead, up, forward, MAP_CELL, MAP_CELLS, MAP_CELLS)
-        .map_err(|e| Failure::of(&e, "height map"))
+    let grid = Grid::new(foot + forward * ahead, up, forward, MAP_CELL, MAP_CELLS, MAP_CELLS);
+    Ok((grid.map_err(|e| Failure::of(&e, "height map"))?, ground.is_ok()))
 }

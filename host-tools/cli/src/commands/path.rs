@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::args::PathArgs;
 use crate::commands::info::extend;
 use crate::failure::{Failure, Outcome};
-use crate::pipeline::{MAP_CELL, MAP_CELLS, WALKER, lay_grid};
+use crate::pipeline::{MAP_CELL, MAP_CELLS, STANDING, WALKER, lay_grid};
 use crate::report::run::{plan_name, plan_sentence};
 use crate::say::{Say, count, metres, point};
 use crate::source::Source;
@@ -22,7 +22,7 @@ pub(crate) fn run(args: &PathArgs, say: &mut Say) -> Outcome {
             .advise("leave --all out: the map is then that of --frame alone"));
     }
     let up = source.up(&frame);
-    let grid = with_frame!(frame, |f| lay_grid(f, up.direction, args.all))?;
+    let (grid, grounded) = with_frame!(frame, |f| lay_grid(f, up.direction, args.all))?;
     let mut cells = vec![HeightCell::UNKNOWN; MAP_CELLS * MAP_CELLS];
     let mut nodes = vec![Node::EMPTY; MAP_CELLS * MAP_CELLS];
     let mut corners = [Vec3::ZERO; 128];
@@ -72,6 +72,9 @@ pub(crate) fn run(args: &PathArgs, say: &mut Say) -> Outcome {
         "map",
         &format!("{:.1} m² known, cells of {:.0} cm", known as f32 * MAP_CELL * MAP_CELL, MAP_CELL * 100.0),
     );
+    if !grounded {
+        say.fact("note", &format!("no ground is seen; heights count from {STANDING} m below the camera"));
+    }
     say.fact("up", &up.sentence());
     extend(&mut out, json!({ "known_cells": known, "cell_m": MAP_CELL, "up": up.json() }));
     say.json(&out);

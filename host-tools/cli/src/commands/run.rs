@@ -64,7 +64,8 @@ fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, 
     let view = D::view(first).ok_or_else(wrong_type)?;
     // Without poses each frame is a world of its own, and so is its map.
     let moves = frames > 1 && first.pose.is_some();
-    let world = World { up: up.direction, grid: lay_grid(&view, up.direction, moves)? };
+    let (grid, grounded) = lay_grid(&view, up.direction, moves)?;
+    let world = World { up: up.direction, grid, grounded };
     let (width, height) = view.size();
     let mut memory = Memory::<D>::new(width, height);
     let bytes = memory.bytes();
@@ -143,7 +144,11 @@ fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, 
 
 /// The world of one frame: as it is, or laid anew under a frame that shares no world with the first.
 fn view_world<D: DepthSample>(view: &DepthFrame<'_, D>, world: &World, frames: usize) -> Outcome<World> {
-    if frames == 1 { Ok(*world) } else { Ok(World { up: world.up, grid: lay_grid(view, world.up, false)? }) }
+    if frames == 1 {
+        return Ok(*world);
+    }
+    let (grid, grounded) = lay_grid(view, world.up, false)?;
+    Ok(World { up: world.up, grid, grounded })
 }
 
 fn default_out(src: &Path) -> PathBuf {

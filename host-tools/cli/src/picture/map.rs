@@ -7,8 +7,8 @@ use super::colours;
 use super::raster::Raster;
 use super::svg::Svg;
 
-/// Pixels of the drawing per cell.
-const SCALE: f32 = 6.0;
+/// Width of the drawing in its own pixels, so that letters have one size whatever the map's.
+const WIDTH: f32 = 480.0;
 
 /// A part of the map, drawn: turns world points into places in the drawing.
 #[derive(Debug)]
@@ -20,6 +20,8 @@ pub(crate) struct MapDrawing {
     forward: Vec3,
     corner: Vec3,
     cell: f32,
+    /// Drawing pixels per cell.
+    scale: f32,
 }
 
 /// The height that a cell is shown with: what one would bump into or step on.
@@ -66,14 +68,15 @@ impl MapDrawing {
                 _ => colours::HOLE,
             }
         });
-        let (dw, dh) = (cw as f32 * SCALE, ch as f32 * SCALE);
+        let scale = WIDTH / cw.max(1) as f32;
+        let (dw, dh) = (WIDTH, ch as f32 * scale);
         let mut svg = Svg::new(dw, dh, "height map from above");
         svg.picture(&raster, -0.5, -0.5, dw, dh, true);
         let corner = grid.point_of(0, 0, 0.0);
         let side = |p: Vec3| (p - corner).try_normalize().unwrap_or(Vec3::ZERO);
         let (right, forward) = (side(grid.point_of(1, 0, 0.0)), side(grid.point_of(0, 1, 0.0)));
-        let mut drawing = Self { svg, first, last, right, forward, corner, cell: grid.cell() };
-        drawing.metre_lines((cw, ch));
+        let mut drawing = Self { svg, first, last, right, forward, corner, cell: grid.cell(), scale };
+        drawing.metre_lines(dw, dh);
         drawing
     }
 
@@ -82,12 +85,12 @@ impl MapDrawing {
         let d = point - self.corner;
         let u = d.dot(self.right) / self.cell - self.first.0 as f32;
         let v = self.last.1 as f32 - d.dot(self.forward) / self.cell;
-        [(u + 0.5) * SCALE - 0.5, (v + 0.5) * SCALE - 0.5]
+        [(u + 0.5) * self.scale - 0.5, (v + 0.5) * self.scale - 0.5]
     }
 
     /// Metres to drawing pixels.
     pub(crate) fn length(&self, metres: f32) -> f32 {
-        metres / self.cell * SCALE
+        metres / self.cell * self.scale
     }
 
     pub(crate) fn line(&mut self, points: &[Vec3], colour: &str, width: f32, extra: &str) {
@@ -103,13 +106,12 @@ impl MapDrawing {
     /// A dot with its name.
     pub(crate) fn place(&mut self, point: Vec3, name: &str, colour: &str) {
         let [x, y] = self.at(point);
-        self.svg.circle([x, y], 6.0, colour, "stroke=\"#0b1016\" stroke-width=\"1.5\"");
+        self.svg.circle([x, y], 5.5, colour, "stroke=\"#0b1016\" stroke-width=\"1.5\"");
         self.svg.label([x + 10.0, y + 4.5], 14.0, name, colour, "start");
     }
 
     /// A bar of one metre in the lower left corner, and thin lines every metre.
-    fn metre_lines(&mut self, (cw, ch): (usize, usize)) {
-        let (w, h) = (cw as f32 * SCALE, ch as f32 * SCALE);
+    fn metre_lines(&mut self, w: f32, h: f32) {
         let metre = self.length(1.0);
         let faint = "stroke-opacity=\"0.22\"";
         let mut x = 12.0 + metre;

@@ -26,7 +26,7 @@ use crate::picture::map::{MapDrawing, TALL, height_colour};
 use crate::picture::perspective::Pen;
 use crate::picture::svg::Svg;
 use crate::picture::{colours, frames};
-use crate::pipeline::{CHAIR, Findings, MAP_CELL, MAP_CELLS, Pipeline, STAGES, STOOL, WALKER, WORK_UNITS};
+use crate::pipeline::{CHAIR, Findings, MAP_CELL, MAP_CELLS, Pipeline, STAGES, STANDING, STOOL, WALKER, WORK_UNITS};
 use crate::say::{Say, bytes, count, duration, metres, point};
 use crate::source::{Source, Up};
 
@@ -372,16 +372,17 @@ impl Overview<'_> {
             format!("{} cells of {:.0} cm", count(f.map_known as u64), MAP_CELL * 100.0),
         ));
         out.push(match detour(f) {
-            Some((length, straight)) => (
-                "path",
-                format!("{} long", metres(length)),
-                format!(
-                    "{:.0} % longer than the straight line of {}, {} corners",
-                    (length / straight.max(1e-6) - 1.0).max(0.0) * 100.0,
-                    metres(straight),
-                    f.path.len().saturating_sub(2)
-                ),
-            ),
+            Some((length, straight)) => {
+                let more = (length / straight.max(1e-6) - 1.0) * 100.0;
+                let corners = f.path.len().saturating_sub(2);
+                let remark = if more < 0.5 {
+                    "straight across".to_owned()
+                } else {
+                    let s = if corners == 1 { "" } else { "s" };
+                    format!("{more:.0} % longer than the straight line, {corners} corner{s} around what is in the way")
+                };
+                ("path", format!("{} long", metres(length)), remark)
+            }
             None => ("path", "none".into(), plan_sentence(&f.plan)),
         });
         out
@@ -803,6 +804,11 @@ fn map_figure<D: DepthSample>(frame: &DepthFrame<'_, D>, found: &Findings, pipel
         }
     }
     drawing.place(camera, "camera", "#ffffff");
+    let from = if pipeline.grounded() {
+        "the ground".to_owned()
+    } else {
+        format!("a level {STANDING} m below the camera, as no ground was seen")
+    };
     let bar = charts::colour_bar(0.0, TALL, " m", "height above the ground in metres", height_colour);
     let key = charts::key(&[
         ("#d6ded6", "can be walked on"),
@@ -817,7 +823,7 @@ fn map_figure<D: DepthSample>(frame: &DepthFrame<'_, D>, found: &Findings, pipel
         drawing: drawing.svg.finish(),
         legend: format!("{bar}{key}"),
         caption: format!(
-            "From above, the camera looking up the page; cells of {:.0} cm, coloured by the highest reading over the ground. The \
+            "From above, the camera looking up the page; cells of {:.0} cm, coloured by the highest reading over {from}. The \
              walker keeps {:.0} cm from obstacles and climbs {:.0} cm at most; what was never seen it does not enter.",
             MAP_CELL * 100.0,
             WALKER.radius * 100.0,
