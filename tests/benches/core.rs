@@ -9,12 +9,16 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use isobath::glam::{Vec3, vec2};
 use isobath::ground::geometry::Ray;
 use isobath::ground::image::{ImageView, ImageViewMut};
+use isobath::localized::height_map::{Grid, HeightCell, HeightMap, HeightMapParams};
 use isobath::localized::hit::{HitParams, hit_test};
+use isobath::localized::normals::adaptive::{self, AdaptiveParams};
 use isobath::localized::normals::dense::{rows, scratch_len};
 use isobath::localized::normals::{NormalParams, normal_at};
+use isobath::localized::planner::{Node, Plan, Planner, Walker};
 use isobath::localized::raycast::{RayParams, cast};
 use isobath::sensing::camera::Intrinsics;
 use isobath::sensing::depth::decode::{ByteOrder, u16_bytes};
+use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::depth::{DepthSample, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
@@ -62,6 +66,72 @@ fn per_pixel(c: &mut Criterion) {
     });
     group.finish();
     black_box(sum);
+}
+
+/// Depth with a Kinect's noise, from a seed: what the adaptive estimator is for.
+fn noisy(metres: &[f32]) -> Vec<f32> {
+    let mut state = 1_u64;
+    let mut uniform = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) as f32 + 0.5) / (1_u64 << 31) as f32
+    };
+    let mut gauss = move || (-2.0 * uniform().ln()).sqrt() * (std::f32::consts::TAU * uniform()).cos();
+    metres.iter().map(|z| z + 1.425e-3 * z * z * gauss()).collect()
+}
+
+fn adaptive_normals(c: &mut Criterion) {
+    let (width, height) = (640, 480);
+    let (depth, k) = room(width, height);
+    let exact: Vec<f32> = depth.iter().map(|v| v.metres(DepthUnit::MILLIMETRE)).collect();
+    let kinect = noisy(&exact);
+    let mut scratch = vec![0.0; adaptive::scratch_len(width)];
+    let mut sum = 0.0;
+    let mut group = c.benchmark_group("640x480 adaptive normals (error: normals/adaptive/tests.rs)");
+    group.throughput(Throughput::Elements((width * height) as u64));
+    let noisy = DepthFrame::new(ImageView::new(&kinect, width, height).unwrap(), DepthUnit::METRE, k);
+    let steps = DepthFrame::new(ImageView::new(&depth, width, height).unwrap(), DepthUnit::MILLIMETRE, k);
+    group.bench_function("Kinect noise, f32", |b| {
+        let params = AdaptiveParams::default();
+        b.iter(|| adaptive::rows(black_box(&noisy), &params, &mut scratch, |_, n| sum += n.z[0]).unwrap());
+    });
+    group.bench_function("1 mm steps, u16", |b| {
+        let params = AdaptiveParams { noise: DepthNoise::NONE, ..AdaptiveParams::default() };
+        b.iter(|| adaptive::rows(black_box(&steps), &params, &mut scratch, |_, n| sum += n.z[0]).unwrap());
+    });
+    group.finish();
+    black_box(sum);
+}
+
+/// A* over 128 x 128 cells of 5 cm: open floor, and a comb of walls that makes it expand nearly every free cell.
+fn planning(c: &mut Criterion) {
+    let side = 128;
+    let open = vec![0.0; side * side];
+    let comb: Vec<f32> = (0..side * side)
+        .map(|i| {
+            let (x, y) = (i % side, i / side);
+            let gap = if (x / 8) % 2 == 0 { y > 120 } else { y < 8 };
+            if x % 8 == 4 && !gap { 1.0 } else { 0.0 }
+        })
+        .collect();
+    let mut group = c.benchmark_group("plan on 128x128 cells (optimal: planner/tests.rs)");
+    for (name, heights) in [("open floor", open), ("comb of walls", comb)] {
+        let grid = Grid::new(Vec3::ZERO, Vec3::Y, Vec3::NEG_Z, 0.05, side, side).unwrap();
+        let mut cells = vec![HeightCell::UNKNOWN; side * side];
+        let mut map = HeightMap::new(grid, &mut cells, HeightMapParams::DEFAULT).unwrap();
+        for (i, &h) in heights.iter().enumerate() {
+            map.set(i % side, i / side, h, h);
+        }
+        let mut nodes = vec![Node::EMPTY; side * side];
+        let mut points = [Vec3::ZERO; 256];
+        let (from, to) = (grid.point_of(1, 1, 0.0), grid.point_of(126, 60, 0.0));
+        let walker = Walker { radius: 0.05, ..Walker::DEFAULT };
+        let plan = Planner::new(&mut nodes).plan(&map, &walker, from, to, &mut points).unwrap();
+        assert!(matches!(plan, Plan::Found(_)), "{plan:?}");
+        group.bench_function(name, |b| {
+            b.iter(|| Planner::new(&mut nodes).plan(black_box(&map), &walker, from, to, &mut points).unwrap());
+        });
+    }
+    group.finish();
 }
 
 fn pyramid(c: &mut Criterion) {
@@ -129,5 +199,5 @@ fn queries(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, per_pixel, pyramid, queries);
+criterion_group!(benches, per_pixel, adaptive_normals, pyramid, queries, planning);
 criterion_main!(benches);

@@ -6,3 +6,8 @@
 
 pub mod fuzz;
 pub mod shared;
+
+/// The README's examples, compiled and run by `cargo test --doc`.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;

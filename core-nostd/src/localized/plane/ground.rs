@@ -114,7 +114,9 @@ impl fmt::Display for NoGround {
             Self::BadUp => write!(f, "the up direction has no length or is not finite"),
             Self::BadParams => write!(f, "a ground parameter is out of range; see GroundParams"),
             Self::NoReadings => write!(f, "no depth reading with a measurable slope in the frame"),
-            Self::TooSmall { area } => write!(f, "the largest level surface covers {area:.2} m², too little for ground"),
+            Self::TooSmall { area } => {
+                write!(f, "the largest level surface covers {area:.2} m², too little for ground")
+            }
             Self::NotFlat => write!(f, "the level points found do not form a plane"),
         }
     }

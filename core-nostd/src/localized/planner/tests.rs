@@ -269,40 +269,6 @@ fn what_blocks_a_path_is_always_noticed() {
     }
 }
 
-/// `cargo test -p isobath --release planner -- --nocapture --ignored`
-#[test]
-#[ignore = "a measurement"]
-fn how_long_it_takes() {
-    let (w, d) = (128, 128);
-    // A comb of walls: nearly every cell is expanded.
-    let comb: Vec<Option<f32>> = (0..w * d)
-        .map(|i| {
-            let (x, y) = (i % w, i / w);
-            let gap = if (x / 8) % 2 == 0 { y > 120 } else { y < 8 };
-            Some(if x % 8 == 4 && !gap { 1.0 } else { (i * 7919 % 13) as f32 * 1e-3 })
-        })
-        .collect();
-    for (name, heights) in [("comb", comb), ("open", vec![Some(0.0); w * d])] {
-        with_map(w, d, &heights, 0.05, |map| {
-            let mut nodes = vec![Node::EMPTY; w * d];
-            let mut points = [Vec3::ZERO; 256];
-            let (a, b) = (map.grid().point_of(1, 1, 0.0), map.grid().point_of(126, 60, 0.0));
-            let mut best = (f64::INFINITY, f64::INFINITY);
-            let mut plan = None;
-            let walker = Walker { radius: 0.05, ..Walker::DEFAULT };
-            for _ in 0..30 {
-                let t = std::time::Instant::now();
-                plan = Some(Planner::new(&mut nodes).plan(map, &walker, a, b, &mut points).unwrap());
-                best.0 = best.0.min(t.elapsed().as_secs_f64());
-                let t = std::time::Instant::now();
-                terrain::classify(&mut nodes, map, &walker);
-                best.1 = best.1.min(t.elapsed().as_secs_f64());
-            }
-            std::println!("{name}: all {:.3} ms, terrain {:.3} ms, {plan:?}", best.0 * 1e3, best.1 * 1e3);
-        });
-    }
-}
-
 #[test]
 fn a_map_without_cells_is_left_at_once() {
     let grid = Grid::new(Vec3::ZERO, Vec3::Y, Vec3::Z, 0.1, 0, 0).unwrap();
