@@ -3,6 +3,7 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use image::ImageDecoder;
 use isobath::ground::image::{ImageView, ImageViewMut};
 use isobath::sensing::depth::decode::{self, ByteOrder, DecodeError, DecodeReport};
 use isobath::sensing::depth::{DepthSample, DepthUnit};
@@ -12,7 +13,9 @@ use crate::calibration::{Calibration, Known, Meaning};
 use crate::camera_file::{CameraFile, Format};
 use crate::files::{in_file, read_image, read_text};
 use crate::layout::{Entry, Listing, PoseFrom, recognise};
-use crate::parse::{MAX_PIXELS, RawImage, RawPixels, decode_depth_png, parse_npy, parse_pgm};
+use crate::parse::{
+    MAX_PIXELS, MAX_SIDE, RawImage, RawPixels, check_png_data, checked_pixels, decode_depth_png, parse_npy, parse_pgm,
+};
 
 /// How to open a recording.
 ///
@@ -380,19 +383,25 @@ fn load_colour(path: &Path, bytes: &mut Vec<u8>, frame: &mut OwnedFrame) -> Resu
         what,
         hint: "PNG, JPEG and PNM are read".into(),
     };
+    let unreadable = |e: image::ImageError| broken(format!("not readable as an image: {e}"));
     let mut reader = image::ImageReader::new(Cursor::new(bytes.as_slice()))
         .with_guessed_format()
         .map_err(|e| SourceError::io(path, e))?;
     let mut limits = image::Limits::default();
-    limits.max_image_width = Some(1 << 16);
-    limits.max_image_height = Some(1 << 16);
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
     limits.max_alloc = Some(MAX_PIXELS as u64 * 8);
     reader.limits(limits);
-    let image = reader.decode().map_err(|e| broken(format!("not readable as an image: {e}")))?.into_rgb8();
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    if width * height > MAX_PIXELS || width * height == 0 {
-        return Err(broken(format!("is {width}x{height}: 1 to {MAX_PIXELS} pixels are read")));
+    // Sizes are checked before pixels are made: a small file may declare a huge image.
+    let decoder = reader.into_decoder().map_err(unreadable)?;
+    let (width, height) = decoder.dimensions();
+    let pixels = checked_pixels(width as usize, height as usize).map_err(in_file(path))?;
+    if bytes.starts_with(b"\x89PNG") {
+        let bits = u64::from(decoder.original_color_type().bits_per_pixel());
+        check_png_data(bytes, pixels as u64 * bits / 8).map_err(in_file(path))?;
     }
+    let image = image::DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgb8();
+    let (width, height) = (image.width() as usize, image.height() as usize);
     let (pixels, _) = image.as_raw().as_chunks::<3>();
     frame.colour_mut(width, height).copy_from_slice(pixels);
     Ok(())

@@ -14,6 +14,7 @@ mod tum;
 pub use crate::camera_file::CameraFile;
 pub use npy::{NpyArray, NpyData, NpySlice, parse_npy, write_npy};
 pub use pgm::parse_pgm;
+pub(crate) use png16::check_png_data;
 pub use png16::decode_depth_png;
 pub use pose::{RawPose, parse_pose_list, parse_pose_matrix};
 pub use raw::{RawImage, RawPixels};
@@ -22,6 +23,9 @@ pub use tum::{TumLine, parse_tum_list, parse_tum_poses};
 
 /// The largest image that is read: 64 megapixels.
 pub const MAX_PIXELS: usize = 64 << 20;
+
+/// The longest side of an image that is read, pixels.
+pub const MAX_SIDE: usize = 1 << 16;
 
 /// Why bytes or text are not what they should be.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -45,13 +49,16 @@ impl ParseError {
     }
 }
 
-/// A size that can be read: not empty, at most [`MAX_PIXELS`]; its pixel count.
+/// A size that can be read: not empty, at most [`MAX_PIXELS`], no side longer than [`MAX_SIDE`]; its pixel count.
 pub(crate) fn checked_pixels(width: usize, height: usize) -> Result<usize, ParseError> {
     match width.checked_mul(height) {
         Some(0) => Err(ParseError::new(format!("the image is {width}x{height}: it has no pixels"), "write it again")),
-        Some(n) if n <= MAX_PIXELS => Ok(n),
+        Some(n) if n <= MAX_PIXELS && width <= MAX_SIDE && height <= MAX_SIDE => Ok(n),
         _ => Err(ParseError::new(
-            format!("the image says it is {width}x{height}, more than the limit of {} megapixels", MAX_PIXELS >> 20),
+            format!(
+                "the image says it is {width}x{height}, more than {} megapixels or than {MAX_SIDE} along a side",
+                MAX_PIXELS >> 20
+            ),
             "the header is probably damaged; cut the image up if it is not",
         )),
     }

@@ -20,6 +20,9 @@ pub fn decode_depth_png(bytes: &[u8]) -> Result<RawImage, ParseError> {
     let limits = png::Limits { bytes: DECODER_LIMIT };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
     decoder.set_transformations(png::Transformations::IDENTITY);
+    // Neither is looked at; both may be compressed bombs.
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
     let mut reader = decoder.read_info().map_err(broken)?;
     let info = reader.info();
     let (width, height) = (info.width as usize, info.height as usize);
@@ -30,9 +33,35 @@ pub fn decode_depth_png(bytes: &[u8]) -> Result<RawImage, ParseError> {
         ));
     }
     let needed = checked_pixels(width, height)? * 2;
+    check_png_data(bytes, needed as u64)?;
     let mut data = vec![0; needed];
     reader.next_frame(&mut data).map_err(broken)?;
     RawImage::from_u16_bytes(&data, width, height, ByteOrder::Big)
+}
+
+/// Deflate makes at most 258 bytes of two bits.
+const MOST_INFLATION: u64 = 258 * 4;
+
+/// Refuses a PNG whose compressed data can't hold `needed` bytes of pixels, before memory and time are spent on them: the
+/// decoder fills rows of the declared width, of each interlace pass, before it finds that nothing comes.
+pub(crate) fn check_png_data(bytes: &[u8], needed: u64) -> Result<(), ParseError> {
+    let mut held = 0_u64;
+    let mut rest = bytes.get(8..).unwrap_or(&[]);
+    while let Some((&[a, b, c, d, ref kind @ ..], body)) = rest.split_first_chunk::<8>() {
+        let len = u32::from_be_bytes([a, b, c, d]) as usize;
+        if kind == b"IDAT" {
+            held += len.min(body.len()) as u64;
+        }
+        // Past the chunk and its checksum.
+        rest = body.get(len.saturating_add(4)..).unwrap_or(&[]);
+    }
+    if needed > held.saturating_mul(MOST_INFLATION) {
+        return Err(ParseError::new(
+            format!("cut off: {held} bytes of compressed data can't hold {needed} bytes of pixels"),
+            "copy or export the file again",
+        ));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -70,5 +99,31 @@ mod tests {
         let mut bytes = encode(1, 1, png::ColorType::Grayscale, png::BitDepth::Sixteen, &[0, 1]);
         bytes[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]); // 65536 x 65536
         assert!(decode_depth_png(&bytes).is_err());
+    }
+
+    #[test]
+    fn data_that_cannot_hold_the_pixels_is_refused_before_it_is_decoded() {
+        // A real image of zeros compresses as well as anything can.
+        let real = encode(1024, 1024, png::ColorType::Grayscale, png::BitDepth::Sixteen, &vec![0; 2 << 20]);
+        assert!(decode_depth_png(&real).is_ok(), "{} bytes", real.len());
+        for (width, height, interlaced) in
+            [(8192_u32, 8192_u32, 0), (65_536, 1024, 1), (1024, 65_536, 1), (65_535, 1, 1)]
+        {
+            let mut bytes = encode(1, 1, png::ColorType::Grayscale, png::BitDepth::Sixteen, &[0, 1]);
+            bytes[16..20].copy_from_slice(&width.to_be_bytes());
+            bytes[20..24].copy_from_slice(&height.to_be_bytes());
+            bytes[28] = interlaced;
+            let sum = crc(&bytes[12..29]);
+            bytes[29..33].copy_from_slice(&sum.to_be_bytes());
+            let error = decode_depth_png(&bytes).unwrap_err();
+            assert!(error.what.starts_with("cut off"), "{width}x{height}: {error}");
+        }
+    }
+
+    /// The checksum of a PNG chunk.
+    fn crc(bytes: &[u8]) -> u32 {
+        let mut crc = flate2::Crc::new();
+        crc.update(bytes);
+        crc.sum()
     }
 }
