@@ -4,6 +4,7 @@
 //! bound, and says in a [`Work`] how much it did and how much it left out.
 
 pub mod pyramid;
+pub mod tiles;
 
 /// How much work an answer took, in the units the algorithm names (pixels visited, cells expanded).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
