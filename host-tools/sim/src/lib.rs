@@ -2,19 +2,30 @@
 
 mod error;
 mod maths;
-#[allow(dead_code, reason = "the sensor models follow")]
+mod path;
 mod random;
 mod render;
 mod scene;
+pub mod sensor;
 mod shape;
+mod simulation;
+mod source;
+mod write;
 
 pub use error::SimError;
 pub use maths::{Rigid, Rotation, V3, v3};
+pub use path::imu::{GRAVITY, ImuModel, ImuSample, imu_samples};
+pub use path::tracking::PoseNoise;
+pub use path::{Curve, Motion, Path, Sine, Trajectory, orbit_stations};
 pub use render::GroundTruth;
 pub use render::ball::{Ball, covers, render_ball};
 pub use render::camera::SimCamera;
 pub use render::sky::{LinearImage, direction_of_equirect, equirect_of_direction, read_linear};
 pub use scene::{NAMES, Scene, View};
+pub use sensor::{SensorModel, Stage};
+pub use simulation::{SimFrame, SimOptions, Simulation};
+pub use source::SimSource;
+pub use write::{Summary, write_linear, write_recording};
 
 impl Scene {
     /// What a camera sees at a time (seconds): exact depth, normals, segments, and linear colour. `pose` is camera-to-world.

@@ -1,7 +1,7 @@
 //! A scene at one time: every object in its place, and the tree over them.
 
 use super::Scene;
-use crate::maths::{Rigid, V3};
+use crate::maths::{Rigid, Rotation, V3};
 use crate::shape::tree::{Bounds, Tree};
 use crate::shape::{Ray, Shape};
 
@@ -10,6 +10,8 @@ use crate::shape::{Ray, Shape};
 struct Placed<'a> {
     shape: &'a Shape,
     place: Rigid,
+    /// Not turned at all: most things in a room.
+    straight: bool,
     material: u32,
     segment: u16,
     shadow: bool,
@@ -52,7 +54,8 @@ impl<'a> World<'a> {
             let group = object.group.and_then(|g| groups.get(g)).copied().unwrap_or(Rigid::IDENTITY);
             let place = group.then(&object.place);
             let (shape, material) = (&object.shape, object.material);
-            let item = Placed { shape, place, material, segment: object.segment, shadow: object.shadow };
+            let straight = place.rotation == Rotation::IDENTITY;
+            let item = Placed { shape, place, straight, material, segment: object.segment, shadow: object.shadow };
             match shape.bounds() {
                 None => endless.push(item),
                 Some(b) => {
@@ -108,16 +111,9 @@ impl<'a> World<'a> {
         if self.endless.iter().any(stops) {
             return true;
         }
-        let mut found = None;
-        self.tree.visit(ray, far, |i, far| {
-            if self.placed.get(i).is_some_and(stops) {
-                found = Some(i as u32);
-                return 0.0;
-            }
-            far
-        });
-        if found.is_some() {
-            *last = found;
+        let found = self.tree.any(ray, far, |i| self.placed.get(i).is_some_and(stops));
+        if let Some(i) = found {
+            *last = Some(i as u32);
         }
         found.is_some()
     }
@@ -126,6 +122,9 @@ impl<'a> World<'a> {
 impl Placed<'_> {
     #[inline]
     fn own_ray(&self, ray: &Ray) -> Ray {
+        if self.straight {
+            return Ray { origin: ray.origin - self.place.translation, direction: ray.direction };
+        }
         Ray { origin: self.place.undo_point(ray.origin), direction: self.place.rotation.undo(ray.direction) }
     }
 }

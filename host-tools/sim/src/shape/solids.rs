@@ -30,8 +30,9 @@ pub(super) fn cuboid(half: V3, ray: &Ray, near: f64, far: f64) -> Option<Touch> 
             }
             continue;
         }
+        let (inverse, half) = (1.0 / d, if d > 0.0 { h } else { -h });
         // Going up one enters through the lower face.
-        let (a, b) = if d > 0.0 { ((-h - o) / d, (h - o) / d) } else { ((h - o) / d, (-h - o) / d) };
+        let (a, b) = ((-half - o) * inverse, (half - o) * inverse);
         let (part_a, part_b) = if d > 0.0 { (i, i + 3) } else { (i + 3, i) };
         if a > enter {
             (enter, enter_part) = (a, part_a);

@@ -1,7 +1,7 @@
 //! Wavy height fields: y = sum of a sin(k x cos d + k z sin d + phase), over a rectangle of x and z.
 //!
 //! The slope is bounded by sum(a k), so a ray at height g above the surface can't meet it before g / (|dy| + slope |dxz|):
-//! it steps that far, at least a 64th of the shortest wave, and where the sign turned, bisects to rounding.
+//! it steps that far, at least a 32nd of the shortest wave, and where the sign turned, bisects to rounding.
 
 use super::{Ray, Touch};
 use crate::maths::{V3, v3};
@@ -67,7 +67,7 @@ impl Waves {
         let slope: f64 = self.waves.iter().map(|w| w.amplitude.abs() * number(w)).sum();
         let fastest = self.waves.iter().map(number).fold(0.0, f64::max);
         let speed = ray.direction.y.abs() + slope * across;
-        let least = if fastest * across > 0.0 { std::f64::consts::TAU / fastest / 64.0 / across } else { end - t };
+        let least = if fastest * across > 0.0 { std::f64::consts::TAU / fastest / 32.0 / across } else { end - t };
         let gap = |t: f64| {
             let p = ray.at(t);
             p.y - self.height(p.x, p.z)
