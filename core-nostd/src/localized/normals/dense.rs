@@ -11,6 +11,7 @@ use crate::ground::image::ImageViewMut;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 use crate::skipping::Work;
+use crate::skipping::tiles::{TILE, TileMap};
 
 /// Rows of inverse depth kept: the centre and two either side.
 const ROWS: usize = 5;
@@ -82,6 +83,19 @@ impl fmt::Display for DenseError {
 
 impl core::error::Error for DenseError {}
 
+/// A rectangle of pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Region {
+    /// First column.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
 /// Estimates every normal and hands each row, top to bottom, to `each(y, row)`. Returns pixels done (those with a reading)
 /// and skipped (those without).
 ///
@@ -91,9 +105,28 @@ pub fn rows<D: DepthSample>(
     frame: &DepthFrame<'_, D>,
     params: &NormalParams,
     scratch: &mut [f32],
-    mut each: impl FnMut(usize, NormalRow<'_>),
+    each: impl FnMut(usize, NormalRow<'_>),
 ) -> Result<Work, DenseError> {
     let (width, height) = frame.size();
+    region(frame, params, Region { x: 0, y: 0, width, height }, scratch, each)
+}
+
+/// As [`rows`], for a part of the image only: the same normals, bit for bit, of the pixels in `part` (what of it lies outside
+/// the image is left out). Rows are as long as the part is wide. Needs [`scratch_len`] of the part's width.
+///
+/// # Errors
+/// [`DenseError::Scratch`].
+pub fn region<D: DepthSample>(
+    frame: &DepthFrame<'_, D>,
+    params: &NormalParams,
+    part: Region,
+    scratch: &mut [f32],
+    mut each: impl FnMut(usize, NormalRow<'_>),
+) -> Result<Work, DenseError> {
+    let (image_width, image_height) = frame.size();
+    let width = part.width.min(image_width.saturating_sub(part.x));
+    let height = part.height.min(image_height.saturating_sub(part.y));
+    let part = Region { width, height, ..part };
     let needed = scratch_len(width);
     let got = scratch.len();
     let Some(scratch) = scratch.get_mut(..needed) else {
@@ -109,24 +142,86 @@ pub fn rows<D: DepthSample>(
     let mut out = Outputs::split(outputs, width);
     let mut work = Work::default();
     let cross = params.method == NormalMethod::Exact && params.radius == 0;
-    if !cross {
-        for y in 0..height {
-            point_row(frame, params, y, &mut out, &mut work);
-            each(y, out.as_row());
-        }
-        return Ok(work);
-    }
     let mut ring = Ring::new(inverse_rows, padded);
-    // Before the first row: two rows of holes, then the first two of the image.
-    for y in 0..PAD {
-        ring.push(frame, y, &mut work);
+    if cross {
+        // The two rows above the part and its first two; the third comes with the first step.
+        for y in 0..2 * PAD {
+            ring.push(frame, part.x, (part.y + y).checked_sub(PAD));
+        }
     }
-    for y in 0..height {
-        ring.push(frame, y + PAD, &mut work);
-        cross_row(frame, y, &ring.window(), &mut out);
+    for y in part.y..part.y + height {
+        if cross {
+            ring.push(frame, part.x, Some(y + PAD));
+            cross_row(frame, part.x, y, &ring.window(), &mut out);
+        } else {
+            point_row(frame, params, part.x, y, &mut out);
+        }
+        let line = frame.depth().row(y).get(part.x..part.x + width).unwrap_or(&[]);
+        let valid = line.iter().map(|v| u32::from(v.is_valid())).sum::<u32>();
+        work += Work { done: valid, skipped: width as u32 - valid };
         each(y, out.as_row());
     }
     Ok(work)
+}
+
+/// Brings the planes of an earlier frame up to date: only the tiles that changed since, and their neighbours, are computed
+/// anew ([`TileMap`]); the others keep what they hold. With [`DepthNoise::NONE`](crate::sensing::depth::noise::DepthNoise::NONE)
+/// and `f32` depth the planes then equal a full computation to the last bit; with noise, what is kept differs from what
+/// would be computed by what the noise of the one frame against the other makes of it. Work is counted in pixels.
+///
+/// Only the exact method with radius 0 looks at most two pixels around; other parameters compute everything.
+///
+/// # Errors
+/// [`DenseError`] when scratch is short ([`scratch_len`] of the image's width) or a plane differs in size.
+pub fn update<D: DepthSample>(
+    frame: &DepthFrame<'_, D>,
+    tiles: &TileMap<'_, D>,
+    params: &NormalParams,
+    scratch: &mut [f32],
+    [x, y, z]: [&mut ImageViewMut<'_, f32>; 3],
+) -> Result<Work, DenseError> {
+    let (width, height) = frame.size();
+    check_sizes(frame.size(), [x.size(), y.size(), z.size()])?;
+    let (across, down) = tiles.size();
+    let fits = across == width.div_ceil(TILE) && down == height.div_ceil(TILE);
+    if !fits || params.method != NormalMethod::Exact || params.radius > 0 {
+        return planes(frame, params, scratch, [x, y, z], None);
+    }
+    let mut done = 0;
+    for ty in 0..down {
+        let mut tx = 0;
+        while tx < across {
+            let first = tx;
+            while tx < across && tiles.is_stale(tx, ty) {
+                tx += 1;
+            }
+            if tx > first {
+                let part = Region { x: first * TILE, y: ty * TILE, width: (tx - first) * TILE, height: TILE };
+                let work = region(frame, params, part, scratch, |row, n| {
+                    copy(x.row_mut(row), part.x, n.x);
+                    copy(y.row_mut(row), part.x, n.y);
+                    copy(z.row_mut(row), part.x, n.z);
+                })?;
+                done += work.done;
+            }
+            tx += 1;
+        }
+    }
+    Ok(Work { done, skipped: (width * height) as u32 - done })
+}
+
+/// Copies `values` into the row from column `from`, as far as there is room.
+fn copy(row: &mut [f32], from: usize, values: &[f32]) {
+    for (cell, value) in row.iter_mut().skip(from).zip(values) {
+        *cell = *value;
+    }
+}
+
+fn check_sizes<const N: usize>(depth: (usize, usize), outputs: [(usize, usize); N]) -> Result<(), DenseError> {
+    match outputs.into_iter().find(|&size| size != depth) {
+        Some(output) => Err(DenseError::Size { depth, output }),
+        None => Ok(()),
+    }
 }
 
 /// As [`rows`], written into three planes (and a plane of residuals when given) of the depth image's size.
@@ -140,16 +235,14 @@ pub fn planes<D: DepthSample>(
     [x, y, z]: [&mut ImageViewMut<'_, f32>; 3],
     mut residual: Option<&mut ImageViewMut<'_, f32>>,
 ) -> Result<Work, DenseError> {
-    let sizes = [x.size(), y.size(), z.size(), residual.as_ref().map_or(frame.size(), |r| r.size())];
-    if let Some(&output) = sizes.iter().find(|&&s| s != frame.size()) {
-        return Err(DenseError::Size { depth: frame.size(), output });
-    }
+    let residual_size = residual.as_ref().map_or(frame.size(), |r| r.size());
+    check_sizes(frame.size(), [x.size(), y.size(), z.size(), residual_size])?;
     rows(frame, params, scratch, |row, n| {
-        x.row_mut(row).copy_from_slice(n.x);
-        y.row_mut(row).copy_from_slice(n.y);
-        z.row_mut(row).copy_from_slice(n.z);
+        copy(x.row_mut(row), 0, n.x);
+        copy(y.row_mut(row), 0, n.y);
+        copy(z.row_mut(row), 0, n.z);
         if let Some(residual) = &mut residual {
-            residual.row_mut(row).copy_from_slice(n.residual);
+            copy(residual.row_mut(row), 0, n.residual);
         }
     })
 }
@@ -196,24 +289,21 @@ impl<'a> Ring<'a> {
         Self { rows: core::array::from_fn(|_| chunks.next().unwrap_or_default()) }
     }
 
-    /// Drops the oldest row and adds image row `y` (holes below the image).
-    fn push<D: DepthSample>(&mut self, frame: &DepthFrame<'_, D>, y: usize, work: &mut Work) {
+    /// Drops the oldest row and adds image row `y` from two columns before `x` on (holes outside the image).
+    fn push<D: DepthSample>(&mut self, frame: &DepthFrame<'_, D>, x: usize, y: Option<usize>) {
         self.rows.rotate_left(1);
         let Some(row) = self.rows.last_mut() else { return };
-        let source = frame.depth().row(y);
-        if source.is_empty() {
-            row.fill(exact::HOLE);
-            return;
+        let source = y.map_or(&[] as &[D], |y| frame.depth().row(y));
+        // Columns before the image: both at x = 0, one at x = 1.
+        let before = PAD.saturating_sub(x);
+        let source = source.get(x.saturating_sub(PAD)..).unwrap_or(&[]);
+        let (outside, rest) = row.split_at_mut_checked(before).unwrap_or_default();
+        outside.fill(exact::HOLE);
+        let (inside, beyond) = rest.split_at_mut_checked(source.len().min(rest.len())).unwrap_or_default();
+        for (w, &value) in inside.iter_mut().zip(source) {
+            *w = exact::inverse(value);
         }
-        let mut valid = 0_u32;
-        if let Some(inner) = row.get_mut(PAD..) {
-            for (w, &value) in inner.iter_mut().zip(source) {
-                *w = exact::inverse(value);
-                valid += u32::from(value.is_valid());
-            }
-        }
-        work.done += valid;
-        work.skipped += source.len() as u32 - valid;
+        beyond.fill(exact::HOLE);
     }
 
     fn window(&self) -> [&[f32]; ROWS] {
@@ -223,11 +313,18 @@ impl<'a> Ring<'a> {
 }
 
 /// The exact kernel along one row.
-fn cross_row<D: DepthSample>(frame: &DepthFrame<'_, D>, y: usize, window: &[&[f32]; ROWS], out: &mut Outputs<'_>) {
+fn cross_row<D: DepthSample>(
+    frame: &DepthFrame<'_, D>,
+    first: usize,
+    y: usize,
+    window: &[&[f32]; ROWS],
+    out: &mut Outputs<'_>,
+) {
     let k = frame.intrinsics();
     let unit = frame.unit().metres();
     let (fx, fy, cx) = (k.fx(), k.fy(), k.cx());
     let dy = y as f32 - k.cy();
+    let first = first as i32;
     let n = out.x.len();
     let [up2, up1, line, down1, down2] = *window;
     let cut = |row| cut(row, PAD, n);
@@ -240,7 +337,7 @@ fn cross_row<D: DepthSample>(frame: &DepthFrame<'_, D>, y: usize, window: &[&[f3
         let h = exact::slope(l2, l1, c, r1, r2);
         let v = exact::slope(u2, u1, c, d1, d2);
         // `as i32`: the conversion from 64-bit integers has no vector form.
-        let [x, y, z] = facing(c, h.value, v.value, i as i32 as f32 - cx, dy, fx, fy);
+        let [x, y, z] = facing(c, h.value, v.value, (first + i as i32) as f32 - cx, dy, fx, fy);
         let real = exact::is_real(c, h, v);
         // All bits set is a NaN: one operation where a select takes three.
         let hole = if real { 0 } else { u32::MAX };
@@ -262,19 +359,14 @@ fn cut(row: &[f32], from: usize, n: usize) -> &[f32] {
 fn point_row<D: DepthSample>(
     frame: &DepthFrame<'_, D>,
     params: &NormalParams,
+    first: usize,
     y: usize,
     out: &mut Outputs<'_>,
-    work: &mut Work,
 ) {
-    for (x, ((((nx, ny), nz), residual), support)) in out.pixels().enumerate() {
-        ([*nx, *ny, *nz], *residual, *support) = match normal_at(frame, x, y, params) {
+    for (i, ((((nx, ny), nz), residual), support)) in out.pixels().enumerate() {
+        ([*nx, *ny, *nz], *residual, *support) = match normal_at(frame, first + i, y, params) {
             Some(e) => (e.normal.to_array(), e.residual, f32::from(e.support)),
             None => ([f32::NAN; 3], f32::NAN, f32::NAN),
         };
-        if frame.depth().get(x, y).is_some_and(DepthSample::is_valid) {
-            work.done += 1;
-        } else {
-            work.skipped += 1;
-        }
     }
 }

@@ -235,6 +235,67 @@ proptest! {
     }
 }
 
+proptest! {
+    #[test]
+    fn any_part_equals_the_whole(w in 1_usize..40, h in 1_usize..24, x in 0_usize..40, y in 0_usize..24,
+                                 pw in 0_usize..40, ph in 0_usize..24, seed in any::<u32>(), paper in any::<bool>()) {
+        let data = random_depth(seed, w * h);
+        let k = Intrinsics::new(30.0, -31.0, 8.3, 5.7).unwrap();
+        let frame = DepthFrame::new(ImageView::new(&data, w, h).unwrap(), DepthUnit::MILLIMETRE, k);
+        let params = if paper { NormalParams::PAPER } else { NormalParams::default() };
+        let mut scratch = vec![0.0; scratch_len(w.max(pw))];
+        let mut whole = vec![0_u32; w * h];
+        rows(&frame, &params, &mut scratch, |y, n| {
+            for x in 0..w { whole[y * w + x] = n.x[x].to_bits() ^ n.y[x].to_bits().rotate_left(9) ^ n.z[x].to_bits().rotate_left(17); }
+        }).unwrap();
+        let mut seen = 0;
+        let part = dense::Region { x, y, width: pw, height: ph };
+        dense::region(&frame, &params, part, &mut scratch, |row, n| {
+            for (i, x) in (x..).enumerate().take(n.x.len()) {
+                let bits = n.x[i].to_bits() ^ n.y[i].to_bits().rotate_left(9) ^ n.z[i].to_bits().rotate_left(17);
+                assert_eq!(bits, whole[row * w + x], "{x},{row}");
+                seen += 1;
+            }
+        }).unwrap();
+        prop_assert_eq!(seen, pw.min(w.saturating_sub(x)) * ph.min(h.saturating_sub(y)));
+    }
+
+    #[test]
+    fn updating_changed_tiles_equals_computing_everything(w in 1_usize..60, h in 1_usize..40, seed in any::<u32>(), changes in 0_usize..5) {
+        use crate::sensing::depth::noise::DepthNoise;
+        use crate::skipping::tiles::{Tile, TileMap, tiles_needed};
+        let k = Intrinsics::new(30.0, 31.0, 8.3, 5.7).unwrap();
+        let mut data: Vec<f32> = random_depth(seed, w * h).iter().map(|&v| f32::from(v)).collect();
+        let (mut reference, mut tiles) = (vec![0.0; w * h], vec![Tile::NEW; tiles_needed(w, h)]);
+        let mut map = TileMap::new(ImageViewMut::new(&mut reference, w, h).unwrap(), &mut tiles).unwrap();
+        let mut scratch = vec![0.0; scratch_len(w)];
+        let mut kept = vec![vec![0.0_f32; w * h]; 3];
+        let mut fresh = kept.clone();
+        fn views(planes: &mut [Vec<f32>], w: usize, h: usize) -> [ImageViewMut<'_, f32>; 3] {
+            let mut planes = planes.iter_mut().map(|p| ImageViewMut::new(p, w, h).unwrap());
+            core::array::from_fn(|_| planes.next().unwrap())
+        }
+        for round in 0..4 {
+            let frame = DepthFrame::new(ImageView::new(&data, w, h).unwrap(), DepthUnit::MILLIMETRE, k);
+            let report = map.update(&frame, &DepthNoise::NONE);
+            let params = NormalParams::default();
+            let [mut x, mut y, mut z] = views(&mut kept, w, h);
+            let work = dense::update(&frame, &map, &params, &mut scratch, [&mut x, &mut y, &mut z]).unwrap();
+            let [mut x, mut y, mut z] = views(&mut fresh, w, h);
+            planes(&frame, &params, &mut scratch, [&mut x, &mut y, &mut z], None).unwrap();
+            for (a, b) in kept.iter().flatten().zip(fresh.iter().flatten()) {
+                prop_assert_eq!(a.to_bits(), b.to_bits());
+            }
+            prop_assert_eq!((work.done + work.skipped) as usize, w * h);
+            prop_assert!(round == 0 || report.changed as usize <= changes);
+            for i in 0..changes {
+                let at = (seed as usize).wrapping_mul(round + 7).wrapping_add(i * 7919) % (w * h);
+                data[at] = (at % 5) as f32 * 300.0;
+            }
+        }
+    }
+}
+
 #[test]
 fn shapes_without_normals_give_none() {
     let k = Intrinsics::new(30.0, 30.0, 0.0, 0.0).unwrap();
