@@ -1,7 +1,7 @@
 //! The main job: every frame through every answer, with the calls and the memory that firmware would use.
 //!
-//! All memory is taken once, before the first frame ([`Memory`]); the loop allocates nothing. Each stage is timed on its own,
-//! and says how much work it did and how much it skipped. The stages, in the order in which they need each other:
+//! The stages work in memory taken once, before the first frame ([`Memory`]), and allocate nothing; only what is kept for the
+//! report between them does. Each stage is timed on its own, and says how much work it did and how much it skipped. The stages, in the order in which they need each other:
 //!
 //! | stage | question | needs |
 //! |---|---|---|

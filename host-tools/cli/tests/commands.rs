@@ -337,3 +337,66 @@ fn every_field_is_documented() {
         }
     }
 }
+
+/// Four frames of a floor seen from 1.5 m above, the camera moving along x by 0.6 m a frame; frame 2 is cut off.
+fn walk_over_a_floor(folder: &Folder) -> String {
+    let depth = folder.0.join("walk/depth");
+    fs::create_dir_all(&depth).expect("a folder");
+    let mut poses = String::new();
+    for i in 0..4 {
+        let mut file = b"P5\n64 48\n65535\n".to_vec();
+        file.extend((0..64 * 48).flat_map(|_| 1500_u16.to_be_bytes()));
+        file.truncate(if i == 2 { 100 } else { usize::MAX });
+        fs::write(depth.join(format!("{i:05}.pgm")), file).expect("written");
+        poses.push_str(&format!("{} 0 0 0 0 0 1\n", 0.6 * f64::from(i)));
+    }
+    fs::write(folder.0.join("walk/pose.txt"), poses).expect("written");
+    let camera = "fx = 50\nfy = 50\ncx = 31.5\ncy = 23.5\nup = [0, 0, -1]\n[depth]\nunit = 0.001\n";
+    fs::write(folder.0.join("walk/camera.toml"), camera).expect("written");
+    folder.path("walk")
+}
+
+#[test]
+fn frames_with_poses_share_one_world() {
+    let folder = Folder::new();
+    let src = walk_over_a_floor(&folder);
+    let out = folder.path("report");
+
+    let answer = json(&["run", &src, "--out", &out]);
+    assert_eq!(answer["frames"], 4);
+    assert_eq!(answer["shown_frame"], 3);
+    let results = answer["results"].as_array().expect("a list");
+    assert_eq!(results.len(), 3, "the broken frame is left out");
+    assert!(answer["notes"].to_string().contains("frame 2 left out"), "{}", answer["notes"]);
+    assert!((number(&results[0]["ground"]["camera_height_m"]) - 1.5).abs() < 1e-3);
+    let known = |i: usize| number(&results[i]["height_map"]["known_cells"]);
+    assert!(known(0) < known(1) && known(1) < known(2), "the map grows as the camera moves");
+    assert!(number(&results[2]["path"]["length_m"]) > number(&results[0]["path"]["length_m"]));
+
+    // The camera of frame 3 stands at x = 1.8.
+    let hit = json(&["hit", &src, "--frame", "3", "--pixel", "31.5,23.5"]);
+    assert!((number(&hit["point_m"][0]) - 1.8).abs() < 1e-5 && number(&hit["camera_point_m"][0]).abs() < 1e-5, "{hit}");
+    let down = ["--from", "1.8,0,0.2", "--dir", "0,0,1"];
+    let world = json(&[&["raycast", &src, "--frame", "3", "--world"], &down[..]].concat());
+    assert!(world["answer"] == "hit" && (number(&world["point_m"][2]) - 1.5).abs() < 1e-5, "{world}");
+    assert_eq!(
+        json(&[&["raycast", &src, "--frame", "3", "--reach", "1.5"], &down[..]].concat())["answer"],
+        "outside_view"
+    );
+
+    // From under the first camera to under the last: one frame does not see that far, all together do.
+    let ends = ["--from", "-0.5,0,1.5", "--to", "2.3,0,1.5"];
+    let alone = json(&[&["path", &src, "--frame", "1"], &ends[..]].concat());
+    assert_eq!(alone["answer"], "start_unknown");
+    let joined = json(&[&["path", &src, "--frame", "3", "--all"], &ends[..]].concat());
+    assert!(joined["answer"] == "path" && joined["frames_left_out"] == 1, "{joined}");
+    let both = ["--from", "-0.5,0,1.5", "--to", "1.2,0,1.5"];
+    let joined = json(&[&["path", &src, "--frame", "1", "--all"], &both[..]].concat());
+    assert!(joined["answer"] == "path" && (number(&joined["length_m"]) - 1.7).abs() < 0.1, "{joined}");
+
+    let npy = folder.path("p.npy");
+    assert_eq!(json(&["points", &src, "--frame", "3", "--world", "--out", &npy])["space"], "world");
+    let broken = isobath(&["hit", &src, "--frame", "2", "--pixel", "1,1"]);
+    assert_eq!(broken.status.code(), Some(1));
+    assert!(stderr(&broken).contains("00002.pgm"), "{}", stderr(&broken));
+}

@@ -28,12 +28,15 @@ pub(crate) fn run(args: &PathArgs, say: &mut Say) -> Outcome {
     let mut corners = [Vec3::ZERO; 128];
     let failed = |e: &dyn std::error::Error| Failure::of(e, "path");
     let mut map = HeightMap::new(grid, &mut cells, HeightMapParams::DEFAULT).map_err(|e| failed(&e))?;
+    let mut left_out = 0;
     let first = if args.all { 0 } else { args.of.frame };
     let mut other = OwnedFrame::new();
     for index in first..args.of.frame {
-        source.read(index, &mut other)?;
-        if other.pose.is_some() {
+        // A broken file, or a frame without a pose, takes nothing from the others.
+        if source.read(index, &mut other).is_ok() && other.pose.is_some() {
             with_frame!(other, |f| map.integrate(f));
+        } else {
+            left_out += 1;
         }
     }
     with_frame!(frame, |f| map.integrate(f));
@@ -72,11 +75,14 @@ pub(crate) fn run(args: &PathArgs, say: &mut Say) -> Outcome {
         "map",
         &format!("{:.1} m² known, cells of {:.0} cm", known as f32 * MAP_CELL * MAP_CELL, MAP_CELL * 100.0),
     );
+    if left_out > 0 {
+        say.fact("note", &format!("{left_out} frames could not be read or have no pose, and are not in the map"));
+    }
     if !grounded {
         say.fact("note", &format!("no ground is seen; heights count from {STANDING} m below the camera"));
     }
     say.fact("up", &up.sentence());
-    extend(&mut out, json!({ "known_cells": known, "cell_m": MAP_CELL, "up": up.json() }));
+    extend(&mut out, json!({ "known_cells": known, "cell_m": MAP_CELL, "frames_left_out": left_out, "up": up.json() }));
     say.json(&out);
     Ok(())
 }

@@ -540,8 +540,8 @@ impl Overview<'_> {
         let header = ["Stage", "Median", "Worst", "Work done", "Skipped", "Unit"].map(str::to_owned).to_vec();
         let stages = Table {
             title: "Work".into(),
-            note: "Skipped is work that the full form of the algorithm would have done, or pixels without a reading; \
-                   skipping never changes an answer."
+            note: "Skipped: pixels without a reading, or that the depth pyramid answered for (which changes no answer), or \
+                   between the samples of the ground plane; points that could not vote; cells the search never came to."
                 .into(),
             header,
             rows: self.stage_rows(),
@@ -552,7 +552,7 @@ impl Overview<'_> {
         let state = Table {
             title: "State".into(),
             note: format!(
-                "All memory of the stages, taken once before the first frame, for {w} x {h} pixels and a map of \
+                "The memory that the stages work in, taken once before the first frame, for {w} x {h} pixels and a map of \
                  {MAP_CELLS} x {MAP_CELLS} cells; the input images are not in it. Nothing is allocated inside the core."
             ),
             header: vec!["What".into(), "Bytes".into()],
