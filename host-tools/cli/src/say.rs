@@ -143,10 +143,12 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// A length for people: millimetres below 10 cm, metres above.
+/// A length for people: tenths of millimetres below 1 cm, millimetres below 10 cm, metres above.
 pub(crate) fn metres(value: f32) -> String {
     if !value.is_finite() {
         "unknown".to_owned()
+    } else if value != 0.0 && value.abs() < 0.00995 {
+        format!("{:.1}\u{a0}mm", value * 1e3)
     } else if value.abs() < 0.0995 {
         format!("{:.0}\u{a0}mm", value * 1e3)
     } else {
@@ -203,6 +205,7 @@ mod tests {
         assert_eq!(count(1_234_567_u32), "1,234,567");
         assert_eq!(count(12_u8), "12");
         assert_eq!(metres(0.0123), "12\u{a0}mm");
+        assert_eq!(metres(0.0012), "1.2\u{a0}mm");
         assert_eq!(metres(2.5), "2.50\u{a0}m");
         assert_eq!(metres(f32::NAN), "unknown");
         assert_eq!(duration(1.5e6), "1.50 ms");
