@@ -7,6 +7,7 @@
 #![allow(clippy::missing_panics_doc, reason = "a panic is how a fuzz body reports what it found")]
 
 mod decode;
+mod features;
 mod localized;
 mod parsers;
 mod sensing;
@@ -15,6 +16,7 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::glam::{Quat, Vec2, Vec3};
 
 pub use decode::{depth16, disparity, metres, projective, u16_bytes};
+pub use features::features;
 pub use localized::localized;
 pub use parsers::{camera_file, depth_png, lists, npy, pgm};
 pub use sensing::{camera, pose, pyramid, rectify};
@@ -34,6 +36,7 @@ pub const TARGETS: &[Target] = &[
     ("rectify", rectify),
     ("pyramid", pyramid),
     ("localized", localized),
+    ("features", features),
     ("parse_npy", npy),
     ("parse_pgm", pgm),
     ("parse_depth_png", depth_png),

@@ -21,16 +21,16 @@ use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
 use super::sensing::intrinsics;
 use super::{fill, number, quat, vec2, vec3, word};
 
-fn holes(u: &mut Unstructured<'_>) -> Result<HolePolicy> {
+pub(super) fn holes(u: &mut Unstructured<'_>) -> Result<HolePolicy> {
     Ok(*u.choose(&[HolePolicy::Unknown, HolePolicy::Solid, HolePolicy::Free])?)
 }
 
-fn unit_length(n: Vec3) -> bool {
+pub(super) fn unit_length(n: Vec3) -> bool {
     (n.length() - 1.0).abs() < 1e-3
 }
 
 /// Depths at which the squares of inverse depth stay within `f32`. Beyond, a normal may lose its length, but not panic.
-fn on_earth(z: f32) -> bool {
+pub(super) fn on_earth(z: f32) -> bool {
     (1e-6..1e7).contains(&z)
 }
 
