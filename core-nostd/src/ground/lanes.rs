@@ -87,6 +87,12 @@ impl Lanes {
         self.map(super::math::inv_sqrt)
     }
 
+    /// Whether any is not 0.
+    #[inline(always)]
+    pub(crate) fn any(self) -> bool {
+        self.0.iter().fold(0, |all, v| all | v.to_bits()) != 0
+    }
+
     #[inline(always)]
     pub(crate) fn sum(self) -> f32 {
         let [a, b, c, d, e, f, g, h] = self.0;

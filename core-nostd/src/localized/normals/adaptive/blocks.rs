@@ -83,16 +83,6 @@ impl<'a> BlockRow<'a> {
     }
 }
 
-/// Reads image row `y` as inverse depth into `line`; pixels outside the image are holes.
-pub(super) fn read_line<D: DepthSample>(context: &Context<'_, '_, D>, y: usize, line: &mut [f32]) {
-    let source = context.frame.depth().row(y);
-    let (inside, outside) = line.split_at_mut_checked(source.len()).unwrap_or_default();
-    for (w, &value) in inside.iter_mut().zip(source) {
-        *w = inverse(value);
-    }
-    outside.fill(HOLE);
-}
-
 /// Sums the `row`th row of blocks and fits each.
 pub(super) fn fill<D: DepthSample, const B: usize>(
     context: &Context<'_, '_, D>,
@@ -132,7 +122,7 @@ pub(super) fn fill<D: DepthSample, const B: usize>(
 
 /// Eight inverse depths of a line from column `first`; holes beyond its end.
 #[inline(always)]
-fn read<D: DepthSample>(line: &[D], first: usize) -> Lanes {
+pub(super) fn read<D: DepthSample>(line: &[D], first: usize) -> Lanes {
     let rest = line.get(first..).unwrap_or(&[]);
     match rest.first_chunk::<LANES>() {
         Some(values) => Lanes(values.map(inverse)),
@@ -146,12 +136,18 @@ fn read<D: DepthSample>(line: &[D], first: usize) -> Lanes {
     }
 }
 
+/// Offsets of eight columns from the middles of their blocks; `first` is a multiple of eight.
+#[inline(always)]
+pub(super) fn offsets<const B: usize>(first: usize) -> Lanes {
+    let half = (B as f32 - 1.0) / 2.0;
+    let within = Lanes(core::array::from_fn(|i| if B < LANES { (i % B) as f32 } else { i as f32 }));
+    within + Lanes::splat(if B > LANES { (first % B) as f32 } else { 0.0 } - half)
+}
+
 /// Adds the sums of eight columns to their blocks: n, x, y, xx, xy, yy, w, xw, yw, ww.
 #[inline(always)]
 fn add_columns<const B: usize>(out: &mut BlockRow<'_>, first: usize, [n, y, yy, w, yw, ww]: [Lanes; 6]) {
-    // Offset of each column from the middle of its block.
-    let half = (B as f32 - 1.0) / 2.0;
-    let dx = Lanes(core::array::from_fn(|i| ((first + i) % B) as i32 as f32 - half));
+    let dx = offsets::<B>(first);
     let nx = n * dx;
     let sums = [n, nx, y, nx * dx, y * dx, yy, w, w * dx, yw, ww];
     if B >= LANES {

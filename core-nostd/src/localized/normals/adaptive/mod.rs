@@ -197,9 +197,8 @@ fn run<D: DepthSample, const B: usize>(
     let across = width.div_ceil(B);
     let context = Context { frame, noise: *noise, width, height, across };
     let down = height.div_ceil(B);
-    let padded = across * B;
-    let (line, rest) = scratch.split_at_mut_checked(padded).unwrap_or_default();
-    let (outputs, rest) = rest.split_at_mut_checked(width * OUTPUTS).unwrap_or_default();
+    let padded = width.next_multiple_of(LANES);
+    let (outputs, rest) = scratch.split_at_mut_checked(padded * OUTPUTS).unwrap_or_default();
     rest.fill(0.0);
     let cells = cells(across);
     let (references, rest) = rest.split_at_mut_checked(cells).unwrap_or_default();
@@ -230,7 +229,7 @@ fn run<D: DepthSample, const B: usize>(
         }
         if let Some(row) = step.checked_sub(2) {
             let [above, middle, below] = &window_ring;
-            pixels::answer::<D, B>(&context, row, [above, middle, below], line, outputs, &mut work, &mut each);
+            pixels::answer::<D, B>(&context, row, [above, middle, below], outputs, &mut work, &mut each);
         }
     }
     work.skipped = (width * height) as u32 - work.done;

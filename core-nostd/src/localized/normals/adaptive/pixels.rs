@@ -1,8 +1,9 @@
 //! Step 3: each pixel takes the window whose plane it lies on.
 
-use super::blocks::read_line;
+use super::blocks::{offsets, read};
 use super::windows::WindowRow;
 use super::{AdaptiveRow, Context};
+use crate::ground::lanes::{LANES, Lanes};
 use crate::ground::math;
 use crate::localized::normals::{NormalParams, normal_at};
 use crate::sensing::depth::DepthSample;
@@ -16,64 +17,82 @@ pub(super) fn answer<D: DepthSample, const B: usize>(
     context: &Context<'_, '_, D>,
     row: usize,
     windows: [&WindowRow<'_>; 3],
-    line: &mut [f32],
     outputs: &mut [f32],
     work: &mut Work,
     each: &mut impl FnMut(usize, AdaptiveRow<'_>),
 ) {
     let width = context.width;
-    let (x, rest) = outputs.split_at_mut_checked(width).unwrap_or_default();
-    let (y, rest) = rest.split_at_mut_checked(width).unwrap_or_default();
-    let (z, sigma) = rest.split_at_mut_checked(width).unwrap_or_default();
+    // Padded, so that the last eight have room.
+    let padded = width.next_multiple_of(LANES);
+    let (x, rest) = outputs.split_at_mut_checked(padded).unwrap_or_default();
+    let (y, rest) = rest.split_at_mut_checked(padded).unwrap_or_default();
+    let (z, sigma) = rest.split_at_mut_checked(padded).unwrap_or_default();
     let [_, middle, _] = windows;
+    let half = (B as f32 - 1.0) / 2.0;
+    let mut done = Lanes::ZERO;
     for j in (0..B).take_while(|j| row * B + j < context.height) {
         let py = row * B + j;
-        let dy = j as f32 - (B as f32 - 1.0) / 2.0;
-        read_line(context, py, line);
-        let outs = x.chunks_mut(B).zip(y.chunks_mut(B)).zip(z.chunks_mut(B)).zip(sigma.chunks_mut(B));
-        for (i, (w, (((x, y), z), sigma))) in line.as_chunks::<B>().0.iter().zip(outs).enumerate() {
-            let at = i + 1;
-            let value = |field: &[f32]| field.get(at).copied().unwrap_or(-1.0);
-            let (c, a, reach) = (value(middle.c) + value(middle.b) * dy, value(middle.a), value(middle.reach));
-            // How many readings there are, and how many lie on the block's own plane.
-            let (mut real, mut on) = (0_u32, 0_u32);
-            for (k, &w) in w.iter().enumerate() {
-                let dx = k as i32 as f32 - (B as f32 - 1.0) / 2.0;
-                let is_real = w < 1e20;
-                real += u32::from(is_real);
-                on += u32::from(is_real & ((c + a * dx - w).abs() <= reach));
-            }
-            work.done += real;
-            if real == on {
-                let fields =
-                    [(x, value(middle.nx)), (y, value(middle.ny)), (z, value(middle.nz)), (sigma, value(middle.sigma))];
-                if real as usize == B {
-                    for (out, v) in fields {
-                        out.fill(v);
-                    }
-                } else {
-                    for (out, v) in fields {
-                        for (out, &w) in out.iter_mut().zip(w) {
-                            *out = if w < 1e20 { v } else { f32::NAN };
+        let dy = j as i32 as f32 - half;
+        let line = context.frame.depth().row(py);
+        for first in (0..width).step_by(LANES) {
+            let field = |field: &[f32]| spread::<B>(field, first);
+            let w = read(line, first);
+            let real = w.below(Lanes::splat(1e20));
+            done += real;
+            let dx = offsets::<B>(first);
+            let off = (field(middle.c) + field(middle.b) * dy + field(middle.a) * dx - w).map(f32::abs);
+            // `reach` is negative where there is no window: nothing lies on it.
+            let missed = real * (Lanes::splat(1.0) - off.below(field(middle.reach)));
+            // All bits set is a NaN: holes have no normal.
+            let masked = |v: Lanes| {
+                let mut out = v.0;
+                for (v, real) in out.iter_mut().zip(real.0) {
+                    *v = f32::from_bits(v.to_bits() | if real != 0.0 { 0 } else { u32::MAX });
+                }
+                Lanes(out)
+            };
+            masked(field(middle.nx)).store(x, first);
+            masked(field(middle.ny)).store(y, first);
+            masked(field(middle.nz)).store(z, first);
+            masked(field(middle.sigma)).store(sigma, first);
+            if missed.any() {
+                for (k, (&w, &missed)) in w.0.iter().zip(&missed.0).enumerate() {
+                    if missed != 0.0 {
+                        let px = first + k;
+                        let answer = choose::<B>(windows, px / B + 1, px % B, dy, w);
+                        let answer = answer.unwrap_or_else(|| lone(context, px, py));
+                        for (out, value) in [&mut *x, &mut *y, &mut *z, &mut *sigma].into_iter().zip(answer) {
+                            if let Some(cell) = out.get_mut(px) {
+                                *cell = value;
+                            }
                         }
                     }
                 }
-                continue;
-            }
-            for ((((k, &w), x), y), (z, sigma)) in w.iter().enumerate().zip(x).zip(y).zip(z.iter_mut().zip(sigma)) {
-                let px = i * B + k;
-                [*x, *y, *z, *sigma] = if w < 1e20 {
-                    choose::<B>(windows, at, k, dy, w).unwrap_or_else(|| lone(context, px, py))
-                } else {
-                    [f32::NAN; 4]
-                };
             }
         }
-        each(py, AdaptiveRow { x, y, z, sigma });
+        each(py, AdaptiveRow { x: part(x, width), y: part(y, width), z: part(z, width), sigma: part(sigma, width) });
+    }
+    work.done = work.done.saturating_add(done.sum() as u32);
+}
+
+fn part(v: &[f32], width: usize) -> &[f32] {
+    v.get(..width).unwrap_or(&[])
+}
+
+/// One number a block, spread over eight columns from `first` on.
+#[inline(always)]
+fn spread<const B: usize>(field: &[f32], first: usize) -> Lanes {
+    let at = |block: usize| field.get(block + 1).copied().unwrap_or(-1.0);
+    if B >= LANES {
+        Lanes::splat(at(first / B))
+    } else {
+        // Two blocks of four.
+        let (a, b) = (at(first / B), at(first / B + 1));
+        Lanes([a, a, a, a, b, b, b, b])
     }
 }
 
-/// The window whose plane is nearest to the pixel, of the block's own and its neighbours', within reach; the own first.
+/// The window whose plane is nearest to the pixel, of the eight neighbours', within reach.
 fn choose<const B: usize>(windows: [&WindowRow<'_>; 3], at: usize, k: usize, dy: f32, w: f32) -> Option<[f32; 4]> {
     let side = B as f32;
     let dx = k as f32 - (side - 1.0) / 2.0;
@@ -85,9 +104,6 @@ fn choose<const B: usize>(windows: [&WindowRow<'_>; 3], at: usize, k: usize, dy:
     let take =
         |row: &WindowRow<'_>, i: usize| Some([*row.nx.get(i)?, *row.ny.get(i)?, *row.nz.get(i)?, *row.sigma.get(i)?]);
     let [above, middle, below] = windows;
-    if residual(middle, at, 0.0, 0.0).is_some() {
-        return take(middle, at);
-    }
     let mut best = None;
     let mut least = f32::INFINITY;
     for (row, oy) in [(middle, 0.0), (above, -side), (below, side)] {
