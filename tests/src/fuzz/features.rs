@@ -110,9 +110,7 @@ fn all<D: DepthSample>(u: &mut Unstructured<'_>, next: impl Fn(&mut Unstructured
     });
     let work = work.expect("as long as asked");
     assert_eq!((work.done + work.skipped) as usize, width * height);
-    // A reading whose inverse overflows the sums is a hole to them.
-    let real = |v: &&D| v.is_valid() && 1.0 / v.number() < 1e20;
-    assert_eq!(work.done as usize, values.iter().filter(real).count());
+    assert_eq!(work.done as usize, values.iter().filter(|v| v.is_valid()).count());
     assert_eq!(lines, if width == 0 { 0 } else { height });
 
     // Measurement.

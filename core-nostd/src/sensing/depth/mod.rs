@@ -18,23 +18,24 @@ use crate::ground::image::Image;
 /// A depth image in fixed storage: `u16` in a unit that travels with the frame, 0 for "no reading". `2 * W * H` bytes.
 pub type DepthArray<const W: usize, const H: usize> = Image<u16, W, H>;
 
-/// Metres per one step of a depth value.
+/// Metres per one step of a depth value, from a micrometre to a kilometre.
 ///
 /// ```
 /// use isobath::sensing::depth::DepthUnit;
 /// assert_eq!(DepthUnit::MILLIMETRE.metres(), 0.001);
 /// assert!(DepthUnit::new(0.0).is_err());
+/// assert!(DepthUnit::new(5000.0).is_err()); // steps a metre, the other way round
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub struct DepthUnit(f32);
 
-/// A depth unit that is not a positive, finite number of metres.
+/// A depth unit that is not within 1e-6 to 1e3 m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthUnitError(f32);
 
 impl fmt::Display for DepthUnitError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "depth unit {} is not a positive, finite number of metres per step (millimetres: 0.001)", self.0)
+        write!(f, "a depth unit of {} m is not within 0.000001 to 1000 m per step (millimetres: 0.001)", self.0)
     }
 }
 
@@ -55,9 +56,10 @@ impl DepthUnit {
     /// From metres per step.
     ///
     /// # Errors
-    /// [`DepthUnitError`] unless `metres` is a positive normal number.
+    /// [`DepthUnitError`] unless `metres` is within 1e-6 to 1e3: no sensor counts in less or more, and depths and their squares
+    /// stay far from the ends of `f32`.
     pub const fn new(metres: f32) -> Result<Self, DepthUnitError> {
-        if metres.is_normal() && metres > 0.0 { Ok(Self(metres)) } else { Err(DepthUnitError(metres)) }
+        if metres >= 1e-6 && metres <= 1e3 { Ok(Self(metres)) } else { Err(DepthUnitError(metres)) }
     }
 
     /// Metres per step.
@@ -78,7 +80,11 @@ mod sealed {
 /// | type | no reading |
 /// |---|---|
 /// | `u16` | 0, and 65535 (what a saturated converter gives) |
-/// | `f32` | NaN, infinities, zero, negative |
+/// | `f32` | NaN, infinities, zero, negative; below 1e-12 and above 1e12, which no unit makes a depth |
+///
+/// Validity is the value's alone and never the unit's, so that a pyramid over values and a frame in metres agree on it. With
+/// the bounds of [`DepthUnit`], depths lie within 1e-18 to 1e15 m, where neither they nor their inverses nor the squares of
+/// either overflow.
 pub trait DepthSample: Copy + PartialEq + PartialOrd + fmt::Debug + Send + Sync + 'static + sealed::Sealed {
     /// The value that means "no reading".
     const HOLE: Self;
@@ -90,7 +96,7 @@ pub trait DepthSample: Copy + PartialEq + PartialOrd + fmt::Debug + Send + Sync 
     /// Whether the value is a reading.
     fn is_valid(self) -> bool;
 
-    /// Depth in metres; exactly 0 where there is no reading (or where the product is not finite).
+    /// Depth in metres; exactly 0 where there is no reading.
     fn metres(self, unit: DepthUnit) -> f32;
 
     /// The value as a number, whatever it means; NaN for a `u16` that is no reading.
@@ -135,13 +141,12 @@ impl DepthSample for f32 {
 
     #[inline(always)]
     fn is_valid(self) -> bool {
-        self > 0.0 && self < Self::INFINITY
+        self >= 1e-12 && self <= 1e12
     }
 
     #[inline(always)]
     fn metres(self, unit: DepthUnit) -> f32 {
-        let z = self * unit.0;
-        if z > 0.0 && z < Self::INFINITY { z } else { 0.0 }
+        if self.is_valid() { self * unit.0 } else { 0.0 }
     }
 
     #[inline(always)]
@@ -192,18 +197,23 @@ mod tests {
         for z in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -1.0, 65.535, 1e30, 1e-30] {
             assert_eq!(u16::from_metres(z, DepthUnit::MILLIMETRE), 0, "{z}");
         }
-        for z in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, -1.0] {
+        for z in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 0.0, -0.0, -1.0, 1e-13, 2e12] {
             assert!(!z.is_valid());
             assert_eq!(z.metres(DepthUnit::METRE), 0.0);
         }
-        let huge = DepthUnit::new(1e30).unwrap();
-        assert_eq!(1e30_f32.metres(huge), 0.0, "a product that overflows is no depth");
+        for (value, unit) in [(1e-12_f32, 1e-6), (1e12, 1e3)] {
+            let z = value.metres(DepthUnit::new(unit).unwrap());
+            assert!(value.is_valid() && (z * z).is_normal() && (1.0 / z / z).is_normal(), "{z}");
+        }
     }
 
     #[test]
     fn units_must_be_positive_numbers() {
-        for bad in [0.0, -0.001, f32::NAN, f32::INFINITY, 1e-40] {
+        for bad in [0.0, -0.001, f32::NAN, f32::INFINITY, 1e-40, 0.9e-6, 1001.0, 1e30] {
             assert!(DepthUnit::new(bad).is_err(), "{bad}");
+        }
+        for good in [1e-6, 0.001, 1e3] {
+            assert_eq!(DepthUnit::new(good).map(DepthUnit::metres), Ok(good));
         }
     }
 }
