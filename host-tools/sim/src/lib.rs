@@ -1,4 +1,4 @@
-//! Scenes with ground truth.
+#![doc = include_str!("../README.md")]
 
 mod error;
 mod maths;
