@@ -49,16 +49,15 @@ const SUITES: &[Suite] = &[
         name: "tests",
         quick: true,
         what: "unit, integration and documentation tests; seed corpora replayed",
-        run: |_| Cmd::new("cargo").args(["test", "--workspace", "--no-fail-fast"]).run(),
+        run: |_| repeatable(Cmd::new("cargo").args(["test", "--workspace", "--no-fail-fast"])).run(),
     },
     Suite {
         name: "numerics",
         quick: false,
         what: "the f64-oracle tests again on optimised code, where vectorised and fused arithmetic differ",
         run: |_| {
-            Cmd::new("cargo")
-                .args(["test", "--release", "-p", "isobath", "-p", "isobath-tests", "--lib", "--tests"])
-                .run()
+            let args = ["test", "--release", "-p", "isobath", "-p", "isobath-tests", "--lib", "--tests"];
+            repeatable(Cmd::new("cargo").args(args)).run()
         },
     },
     Suite { name: "docs", quick: false, what: "documentation builds without a broken link", run: |_| docs().run() },
@@ -87,6 +86,11 @@ const SUITES: &[Suite] = &[
         run: |options| fuzz::run(&[], options.smoke_seconds),
     },
 ];
+
+/// Property tests draw the same cases every time here; `cargo test` by hand draws anew.
+fn repeatable(cmd: Cmd) -> Cmd {
+    cmd.env("PROPTEST_RNG_SEED", "1")
+}
 
 /// The documentation build.
 pub(crate) fn docs() -> Cmd {

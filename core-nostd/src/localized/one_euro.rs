@@ -365,8 +365,9 @@ mod tests {
         #[test]
         fn equals_the_published_pseudo_code(
             p in (0.05_f32..10.0, 0.0_f32..5.0, 0.1_f32..5.0),
-            // Speeds a tracker meets, up to 20 units a second either way. (f32 keeps seven digits of the rate: a jump of 20 units
-            // in a millisecond, 20,000 a second, leaves an error of 1e-3 a second behind, and 1e-4 in the value.)
+            // Speeds a tracker meets, up to 20 units a second either way. (f32 keeps seven digits of the value, 5e-7 here: over a
+            // millisecond that is an error of 1e-3 a second in the rate, which moves the cutoff, and with a lag of some units
+            // behind it up to 1e-4 in the value. 3e-5 was seen.)
             samples in proptest::collection::vec((-20.0_f32..20.0, 1_000_000_i64..500_000_000), 1..200),
         ) {
             let mut ours = OneEuro::new(params(p.0, p.1, p.2)).unwrap();
@@ -379,7 +380,7 @@ mod tests {
                 x = (x + speed * (step as f32 * 1e-9)).clamp(-10.0, 10.0);
                 let want = published.filter(x.into(), 1e9 / step as f64);
                 let got = ours.filter(x, Timestamp::from_nanos(nanos));
-                prop_assert!((f64::from(got) - want).abs() < 2e-5, "{got} {want}");
+                prop_assert!((f64::from(got) - want).abs() < 1e-4, "{got} {want}");
             }
         }
 
