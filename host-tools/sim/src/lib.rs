@@ -16,7 +16,7 @@ pub use error::SimError;
 pub use maths::{Rigid, Rotation, V3, v3};
 pub use path::imu::{GRAVITY, ImuModel, ImuSample, imu_samples};
 pub use path::tracking::PoseNoise;
-pub use path::{Curve, Motion, Path, Sine, Trajectory, orbit_stations};
+pub use path::{CameraPath, Curve, Motion, Sine, Trajectory, orbit_stations};
 pub use render::GroundTruth;
 pub use render::ball::{Ball, covers, render_ball};
 pub use render::camera::SimCamera;

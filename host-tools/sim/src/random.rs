@@ -72,6 +72,7 @@ mod tests {
 
     #[test]
     fn the_numbers_never_change() {
-        assert_eq!(Random::new(42).stream(1).bits(5), Random::new(42).stream(1).bits(5));
+        // Computed apart, in Python.
+        assert_eq!(Random::new(42).stream(1).bits(5), 0xe0fc1a21935c2747);
     }
 }

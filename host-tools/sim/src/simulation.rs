@@ -8,7 +8,7 @@ use crate::error::SimError;
 use crate::maths::{Rigid, V3};
 use crate::path::imu::{ImuModel, ImuSample, imu_samples};
 use crate::path::tracking::{PoseNoise, reported};
-use crate::path::{Path, Trajectory, orbit_stations};
+use crate::path::{CameraPath, Trajectory, orbit_stations};
 use crate::render::camera::SimCamera;
 use crate::render::sky::LinearImage;
 use crate::render::{self, GroundTruth};
@@ -30,8 +30,8 @@ pub struct SimOptions {
     pub frames: usize,
     /// Frames a second. Default 30.
     pub frame_rate: f64,
-    /// The camera's way. Default [`Path::Auto`].
-    pub path: Path,
+    /// The camera's way. Default [`CameraPath::Auto`].
+    pub path: CameraPath,
     /// Which of the scene's places orbits circle; its first unless given.
     pub place: Option<String>,
     /// What the sensor does to depth. Default nothing.
@@ -61,7 +61,7 @@ impl Default for SimOptions {
             lens: [0.0; 8],
             frames: 30,
             frame_rate: 30.0,
-            path: Path::Auto,
+            path: CameraPath::Auto,
             place: None,
             sensor: SensorModel::default(),
             unit: None,
@@ -193,12 +193,12 @@ impl Simulation {
         let view = scene.view();
         let still = Trajectory::still(view.eye, view.target);
         let way = match options.path {
-            Path::Auto if scene.moves() => Way::Smooth(Box::new(still)),
-            Path::Still => Way::Smooth(Box::new(still)),
-            Path::Auto | Path::Walk => Way::Smooth(Box::new(Trajectory::walk(view))),
-            Path::Shake => Way::Smooth(Box::new(Trajectory::shake(view.eye, view.target))),
-            Path::Orbit => Way::Smooth(Box::new(Trajectory::orbit(place, 0.3 * 1.7, 0.8 * 1.7, 8.0, 0.0))),
-            Path::Stations => Way::Stations(orbit_stations(place)),
+            CameraPath::Auto if scene.moves() => Way::Smooth(Box::new(still)),
+            CameraPath::Still => Way::Smooth(Box::new(still)),
+            CameraPath::Auto | CameraPath::Walk => Way::Smooth(Box::new(Trajectory::walk(view))),
+            CameraPath::Shake => Way::Smooth(Box::new(Trajectory::shake(view.eye, view.target))),
+            CameraPath::Orbit => Way::Smooth(Box::new(Trajectory::orbit(place, 0.3 * 1.7, 0.8 * 1.7, 8.0, 0.0))),
+            CameraPath::Stations => Way::Stations(orbit_stations(place)),
         };
         Ok(Self { scene, options, depth_camera, colour_camera, way })
     }
@@ -269,7 +269,7 @@ impl Simulation {
         }
     }
 
-    /// The IMU's readings from the first frame to the last; none for [`Path::Stations`].
+    /// The IMU's readings from the first frame to the last; none for [`CameraPath::Stations`].
     #[must_use]
     pub fn imu(&self) -> Vec<ImuSample> {
         let seconds = self.time(self.len().saturating_sub(1)) as f64 * 1e-9;

@@ -21,7 +21,7 @@ use crate::simulation::{SimOptions, Simulation};
 /// ```
 /// use isobath_sim::{SimOptions, SimSource};
 /// use isobath_source::{Deadline, DepthSource, Outcome, OwnedFrame};
-/// let options = SimOptions { size: (32, 24), path: isobath_sim::Path::Still, ..SimOptions::default() };
+/// let options = SimOptions { size: (32, 24), path: isobath_sim::CameraPath::Still, ..SimOptions::default() };
 /// let mut source = SimSource::open("wall", options)?;
 /// let mut frame = OwnedFrame::new();
 /// assert_eq!(source.next_into(&mut frame, Deadline::NEVER)?, Outcome::Frame);
@@ -50,12 +50,12 @@ fn core_pose(pose: &Rigid) -> Option<Pose> {
 }
 
 impl SimSource {
-    /// Opens a named scene, or one in a `.toml` file.
+    /// Opens a named scene, or one in a `.toml` file; `sim:` before it is left out.
     ///
     /// # Errors
     /// Those of [`Simulation::open`].
     pub fn open(scene: &str, options: SimOptions) -> Result<Self, SimError> {
-        Self::new(Simulation::open(scene, options)?)
+        Self::new(Simulation::open(scene.strip_prefix("sim:").unwrap_or(scene), options)?)
     }
 
     /// From a simulation.

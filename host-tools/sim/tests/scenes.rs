@@ -211,3 +211,40 @@ fn meshes_and_textures_come_from_files() {
     // Seen from the front, u grows to the right and v downwards: red is the upper left quarter.
     assert!(colour.get(10, 10)[0] > 0.9 && colour.get(50, 10)[0] < 0.1 && colour.get(10, 40)[0] < 0.1);
 }
+
+#[test]
+fn hdr_surroundings_are_seen_where_they_lie() {
+    let dir = tempfile::tempdir().unwrap();
+    // Red ahead (-z), green to the right (+x), blue behind; white above.
+    let mut sky = isobath_sim::LinearImage::filled(64, 32, [0.0; 3]);
+    for (i, p) in sky.pixels.iter_mut().enumerate() {
+        let (x, y) = (i % 64, i / 64);
+        *p = match x {
+            _ if y < 4 => [2.0; 3],
+            24..40 => [4.0, 0.0, 0.0],
+            40..56 => [0.0, 1.0, 0.0],
+            0..8 | 56.. => [0.0, 0.0, 1.0],
+            _ => [0.0; 3],
+        };
+    }
+    isobath_sim::write_linear(&sky, &dir.path().join("sky")).unwrap();
+    let scene = |turn: f64| {
+        let text = format!(
+            "about = \"sky\"\nview = {{ eye = [0, 0, 0], target = [0, 0, -1] }}\n\
+             surroundings = {{ hdr = {{ file = \"sky.hdr\", turn = {turn}, scale = 0.5 }} }}\n"
+        );
+        Scene::parse("sky", &text, dir.path()).unwrap()
+    };
+    let seen = |turn: f64, target: V3| {
+        let view = Rigid::looking_at(V3::ZERO, target);
+        scene(turn).render_colour(0.0, &camera(), &view, 1).get(32, 24)
+    };
+    assert_eq!(seen(0.0, v3(0.0, 0.0, -1.0)), [2.0, 0.0, 0.0]);
+    assert_eq!(seen(0.0, v3(1.0, 0.0, 0.0)), [0.0, 0.5, 0.0]);
+    assert_eq!(seen(0.0, v3(0.0, 0.0, 1.0)), [0.0, 0.0, 0.5]);
+    assert_eq!(seen(0.0, V3::UP), [1.0; 3]);
+    // Turned by a right angle to the left, what was ahead is on the left.
+    assert_eq!(seen(90.0, v3(-1.0, 0.0, 0.0)), [2.0, 0.0, 0.0]);
+    let map = scene(0.0).environment_map(0.0, V3::ZERO, 64, 1);
+    assert!(map.pixels.iter().zip(&sky.pixels).all(|(a, b)| (0..3).all(|i| (a[i] - 0.5 * b[i]).abs() < 0.02)));
+}

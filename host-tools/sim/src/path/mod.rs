@@ -203,7 +203,7 @@ pub fn orbit_stations(centre: V3) -> Vec<Rigid> {
 
 /// Which way the camera takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Path {
+pub enum CameraPath {
     /// Walks where nothing moves in the scene; stands still where something does.
     #[default]
     Auto,
@@ -219,7 +219,7 @@ pub enum Path {
     Stations,
 }
 
-impl std::str::FromStr for Path {
+impl std::str::FromStr for CameraPath {
     type Err = SimError;
 
     fn from_str(text: &str) -> Result<Self, SimError> {
@@ -287,6 +287,9 @@ mod tests {
             assert!((across - STEPS[i / 8 % 3] * 0.3 * person).abs() < 1e-12);
         }
         assert!((stations[0].translation - stations[4].translation).length() > 0.47, "opposite each other");
-        assert!("orbit".parse::<Path>().is_ok() && "fly".parse::<Path>().unwrap_err().to_string().contains("walk"));
+        assert!(
+            "orbit".parse::<CameraPath>().is_ok()
+                && "fly".parse::<CameraPath>().unwrap_err().to_string().contains("walk")
+        );
     }
 }
