@@ -66,6 +66,9 @@ impl Patch {
         let mut lanes = [[0.0_f32; COLUMNS]; 6];
         for (j, line) in self.w.iter().take(self.rows).enumerate() {
             let dy = self.dy + j as f32;
+            if dy.abs() > within {
+                continue;
+            }
             let tilt = b * dy;
             let far = dy.abs().max(1.0);
             let [n, y, yy, w, yw, ww] = &mut lanes;

@@ -40,10 +40,59 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
             true => 0,
         };
     }
-    let height = |nodes: &[Node], i: usize| -> Option<f32> {
-        let c = map.cells().get(i)?;
-        (c.is_known() && nodes.get(i)?.state & Node::MIXED == 0).then_some(c.mean)
-    };
+    // Blocks of cells whose surroundings rise by less than any limit hold nothing to mark: most of a floor.
+    let gentle = limit(cell);
+    let far = window(walker, cell);
+    for y in (0..depth).step_by(BLOCK) {
+        for x in (0..width).step_by(BLOCK) {
+            let block = (x..(x + BLOCK).min(width), y..(y + BLOCK).min(depth));
+            let around = (x.saturating_sub(far)..(x + BLOCK + far).min(width), y..(y + BLOCK + far).min(depth));
+            if rise(nodes, map, &around) > gentle {
+                judge(nodes, map, walker, &limit, &block);
+            }
+        }
+    }
+    grow(nodes, width, depth, walker.radius / cell + 0.5);
+}
+
+/// Side of the blocks of cells that are skipped together.
+const BLOCK: usize = 16;
+
+/// A rectangle of cells: columns, rows.
+type Cells = (core::ops::Range<usize>, core::ops::Range<usize>);
+
+/// The height of a cell that has one.
+fn height(nodes: &[Node], map: &HeightMap<'_>, i: usize) -> Option<f32> {
+    let c = map.cells().get(i)?;
+    (c.is_known() && nodes.get(i)?.state & Node::MIXED == 0).then_some(c.mean)
+}
+
+/// Highest less lowest of a rectangle of cells; negative where none has a height.
+fn rise(nodes: &[Node], map: &HeightMap<'_>, (columns, rows): &Cells) -> f32 {
+    let (width, _) = map.grid().size();
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for y in rows.clone() {
+        let line = y * width + columns.start..y * width + columns.end;
+        let cells = map.cells().get(line.clone()).unwrap_or(&[]);
+        for (cell, node) in cells.iter().zip(nodes.get(line).unwrap_or(&[])) {
+            let counts = cell.is_known() & (node.state & Node::MIXED == 0);
+            low = if counts & (cell.mean < low) { cell.mean } else { low };
+            high = if counts & (cell.mean > high) { cell.mean } else { high };
+        }
+    }
+    high - low
+}
+
+/// Marks ledges and slopes that start in a rectangle of cells.
+fn judge(
+    nodes: &mut [Node],
+    map: &HeightMap<'_>,
+    walker: &Walker,
+    limit: &impl Fn(f32) -> f32,
+    (columns, rows): &Cells,
+) {
+    let (width, depth) = map.grid().size();
+    let cell = map.grid().cell();
     for (dx, dy) in [(1_isize, 0_isize), (0, 1), (1, 1), (-1, 1)] {
         let pace = if dx != 0 && dy != 0 { cell * core::f32::consts::SQRT_2 } else { cell };
         let far = window(walker, pace);
@@ -52,9 +101,9 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
             *l = limit(pace * (i + 1) as f32);
         }
         let hop = dy * width as isize + dx;
-        for (y, x) in (0..depth).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        for (y, x) in rows.clone().flat_map(|y| columns.clone().map(move |x| (y, x))) {
             let from = y * width + x;
-            let Some(first) = height(nodes, from) else { continue };
+            let Some(first) = height(nodes, map, from) else { continue };
             // Cells left in this direction.
             let across = match dx {
                 0 => MOST,
@@ -65,7 +114,7 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
             let (mut here, mut at) = (first, from);
             for (k, (&ramp, step)) in limits.iter().zip(1..=far.min(across).min(down)).enumerate() {
                 let Some(next) = at.checked_add_signed(hop) else { break };
-                let Some(there) = height(nodes, next) else { break };
+                let Some(there) = height(nodes, map, next) else { break };
                 let ledge = limits.first().is_some_and(|&l| (there - here).abs() > l);
                 if ledge {
                     // The upper side of a ledge is what can't be walked onto, or off. The pair belongs to its own turn.
@@ -87,7 +136,6 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
             }
         }
     }
-    grow(nodes, width, depth, walker.radius / cell + 0.5);
 }
 
 fn mark(nodes: &mut [Node], i: usize) {
