@@ -141,7 +141,7 @@ impl DepthSample for f32 {
 
     #[inline(always)]
     fn is_valid(self) -> bool {
-        self >= 1e-12 && self <= 1e12
+        (1e-12..=1e12).contains(&self)
     }
 
     #[inline(always)]
