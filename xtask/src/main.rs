@@ -75,10 +75,15 @@ const VERBS: &[Verb] = &[
     },
     Verb {
         name: "docs",
-        arguments: "[--open]",
-        summary: "the API documentation, warnings as errors",
-        details: "--open  show it in a browser",
+        arguments: "[--open] [--numerics]",
+        summary: "the API documentation, warnings as errors; the generated documents",
+        details: "--open      show it in a browser\n\
+                  --numerics  write docs/numerics.md anew (the worst error of every function) instead",
         run: |args| {
+            if args.iter().any(|a| a == "--numerics") {
+                let test = ["test", "-p", "isobath-tests", "--test", "numerics", "the_document"];
+                return Cmd::new("cargo").args(test).env("ISOBATH_WRITE_NUMERICS", "1").run();
+            }
             let open = args.iter().any(|a| a == "--open");
             suites::docs().args(open.then_some("--open")).run()
         },

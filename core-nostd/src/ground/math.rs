@@ -101,6 +101,13 @@ pub fn exp(x: f32) -> f32 {
     libm::expf(x)
 }
 
+/// e to the power `x`, less 1: keeps its digits where `exp(x) - 1` cancels.
+#[inline]
+#[must_use]
+pub fn exp_m1(x: f32) -> f32 {
+    libm::expm1f(x)
+}
+
 /// Largest integer not above `x`.
 #[inline]
 #[must_use]

@@ -7,4 +7,5 @@ pub mod geometry;
 pub mod image;
 pub(crate) mod lanes;
 pub mod math;
+pub(crate) mod rotation;
 pub mod units;

@@ -12,6 +12,7 @@
 use glam::Vec3;
 
 use crate::ground::geometry::OrientedBox;
+use crate::ground::rotation::{rotate, rotate_back};
 use crate::sensing::depth::{DepthSample, HolePolicy};
 use crate::sensing::frame::DepthFrame;
 
@@ -176,7 +177,7 @@ fn verdict(tally: &Tally, params: &CollisionParams) -> Verdict {
 #[must_use]
 pub fn box_points(object: &OrientedBox, up: Vec3) -> [Vec3; 13] {
     let corners = object.corners();
-    let local = (object.rotation.conjugate() * up).abs();
+    let local = (rotate_back(object.rotation, up)).abs();
     let (a, b) = if local.y >= local.x && local.y >= local.z {
         (Vec3::X, Vec3::Z)
     } else if local.z >= local.x {
@@ -187,7 +188,7 @@ pub fn box_points(object: &OrientedBox, up: Vec3) -> [Vec3; 13] {
     let sides = [-a, a, -b, b];
     core::array::from_fn(|i| {
         let offset = i.checked_sub(9).and_then(|k| sides.get(k)).map_or(Vec3::ZERO, |s| *s * object.half);
-        corners.get(i).copied().unwrap_or(object.centre + object.rotation * offset)
+        corners.get(i).copied().unwrap_or(object.centre + rotate(object.rotation, offset))
     })
 }
 

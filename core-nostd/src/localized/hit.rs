@@ -110,7 +110,8 @@ pub fn hit_test<D: DepthSample>(frame: &DepthFrame<'_, D>, at: Vec2, params: &Hi
     let estimate = params.normal.and_then(|p| normal_at(frame, x, y, &p));
     let k = frame.intrinsics();
     let ray = k.ray(at);
-    let z = estimate.map_or(centre.z, |e| along_tangent(centre, e.normal, ray));
+    let aside = Vec2::new((at.x - x as f32) / k.fx(), (at.y - y as f32) / k.fy());
+    let z = estimate.map_or(centre.z, |e| along_tangent(centre, e.normal, aside));
     let camera_point = k.unproject(at, z);
     let pose = frame.pose_or_identity();
     HitOutcome::Hit(Hit {
@@ -150,9 +151,13 @@ pub fn hit_test_screen<D: DepthSample>(
 
 /// Depth where the ray meets the tangent plane; the pixel's own depth where that is more than half a pixel's worth of a
 /// 84 degree slope away (a grazing plane would fling the point off).
-fn along_tangent(centre: Vec3, normal: Vec3, ray: Vec3) -> f32 {
-    let z = normal.dot(centre) / normal.dot(ray);
-    let shift = (ray - centre / centre.z).length() * centre.z * 10.0;
+///
+/// z = z0 (n · r0) / (n · r) with r = r0 + aside, written so that only the small correction is rounded: the quotient loses
+/// digits on grazing planes, where both products cancel.
+fn along_tangent(centre: Vec3, normal: Vec3, aside: Vec2) -> f32 {
+    let turn = normal.truncate().dot(aside);
+    let z = centre.z - centre.z * turn / (normal.dot(centre) / centre.z + turn);
+    let shift = aside.length() * centre.z * 10.0;
     if (z - centre.z).abs() <= shift { z } else { centre.z }
 }
 

@@ -62,10 +62,21 @@ pub fn measure_point<D: DepthSample>(
     y: usize,
     noise: &DepthNoise,
 ) -> Option<MeasuredPoint> {
-    let point = frame.world_point(x, y)?;
+    let MeasuredPoint { point, ray, sigma } = in_camera(frame, x, y, noise)?;
+    let pose = frame.pose_or_identity();
+    Some(MeasuredPoint { point: pose.to_world(point), ray: pose.direction_to_world(ray), sigma })
+}
+
+/// As [`measure_point`], in the camera's frame.
+fn in_camera<D: DepthSample>(
+    frame: &DepthFrame<'_, D>,
+    x: usize,
+    y: usize,
+    noise: &DepthNoise,
+) -> Option<MeasuredPoint> {
     let distance = to_camera(frame, x, y, noise)?;
     let ray = frame.intrinsics().ray(Vec2::new(x as f32, y as f32)).try_normalize()?;
-    Some(MeasuredPoint { point, ray: frame.pose_or_identity().direction_to_world(ray), sigma: distance.range.sigma })
+    Some(MeasuredPoint { point: frame.point(x, y)?, ray, sigma: distance.range.sigma })
 }
 
 /// The distance to what a pixel sees; `None` outside the image and in holes.
@@ -187,13 +198,12 @@ pub fn patch<D: DepthSample>(
         (y.saturating_sub(radius)..y.saturating_add(radius + 1).min(h))
             .flat_map(move |j| (x.saturating_sub(radius)..x.saturating_add(radius + 1).min(w)).map(move |i| (i, j)))
     };
-    let pose = frame.pose_or_identity();
-    let centre = pose.to_world(frame.point(x, y).ok_or(PatchError::NoDepth)?);
-    let side = pose.translation() - centre;
+    // All in the camera's frame, moved to the world at the end: world points far from the origin are rounded.
+    let side = -frame.point(x, y).ok_or(PatchError::NoDepth)?;
     let near = |z: f32| (z - z0).abs() <= params.max_jump * z0;
     let mut sum = PlaneSum::new();
     for (i, j) in pixels().filter(|&(i, j)| near(frame.z(i, j))) {
-        frame.world_point(i, j).map(|p| sum.add(p));
+        frame.point(i, j).map(|p| sum.add(p));
     }
     let rough = sum.fit(side).map_err(PatchError::NoPlane)?;
     // Never narrower than the depth's own step, or a flat, quantised patch would lose half its points.
@@ -201,7 +211,7 @@ pub fn patch<D: DepthSample>(
     let mut sum = PlaneSum::new();
     let (mut expected, mut used) = (0.0, 0.0);
     for (i, j) in pixels().filter(|&(i, j)| near(frame.z(i, j))) {
-        let Some(m) = measure_point(frame, i, j, noise) else { continue };
+        let Some(m) = in_camera(frame, i, j, noise) else { continue };
         if rough.plane.distance(m.point).abs() <= band && sum.add(m.point) {
             let off = rough.plane.normal().dot(m.ray) * m.sigma;
             expected += off * off;
@@ -209,6 +219,7 @@ pub fn patch<D: DepthSample>(
         }
     }
     let fit = sum.fit(side).map_err(PatchError::NoPlane)?;
+    let fit = fit.transformed(&frame.pose_or_identity());
     Ok(Patch { fit, expected_rms: math::sqrt(expected / used) })
 }
 

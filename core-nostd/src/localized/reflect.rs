@@ -12,6 +12,7 @@ use glam::Vec3;
 use crate::ground::geometry::Ray;
 use crate::localized::normals::{NormalParams, normal_at};
 use crate::localized::raycast::{RayHit, RayOutcome, RayParams, cast};
+use crate::sensing::camera::Pose;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 use crate::skipping::Work;
@@ -118,32 +119,49 @@ pub fn reflect<D: DepthSample>(
     params: &ReflectParams,
     bounces: &mut [Bounce],
 ) -> Reflection {
+    let pose = frame.pose_or_identity();
     let mut path = Reflection { bounces: 0, end: PathEnd::Limit, last: *ray, work: Work::default() };
+    // Legs are followed in the camera's frame: world points far from the origin are rounded, and legs would add it up.
+    let local = frame.with_pose(Pose::IDENTITY);
+    let Some(mut leg) = Ray::new(pose.to_camera(ray.origin()), pose.direction_to_camera(ray.direction())) else {
+        path.end = PathEnd::Open(RayOutcome::OutsideView);
+        return path;
+    };
+    let in_world = |hit: RayHit| RayHit { point: pose.to_world(hit.point), ..hit };
     let offset = if params.offset > 0.0 { params.offset.min(1.0) } else { 0.0 };
     for slot in bounces {
-        let leg = cast(frame, pyramid, &path.last, &params.ray);
-        path.work += leg.work;
-        let RayOutcome::Hit(hit) = leg.outcome else {
-            path.end = PathEnd::Open(leg.outcome);
-            return path;
+        let passed = cast(&local, pyramid, &leg, &params.ray);
+        path.work += passed.work;
+        let hit = match passed.outcome {
+            RayOutcome::Hit(hit) => hit,
+            RayOutcome::HitOccluded { point, pixel, distance } => {
+                path.end = PathEnd::Open(RayOutcome::HitOccluded { point: pose.to_world(point), pixel, distance });
+                return path;
+            }
+            open => {
+                path.end = PathEnd::Open(open);
+                return path;
+            }
         };
         let Some(estimate) = normal_at(frame, hit.pixel.0, hit.pixel.1, &params.normals) else {
-            path.end = PathEnd::NoNormal(hit);
+            path.end = PathEnd::NoNormal(in_world(hit));
             return path;
         };
-        let normal = frame.pose_or_identity().direction_to_world(estimate.normal);
-        let incoming = path.last.direction();
+        let (normal, incoming) = (estimate.normal, leg.direction());
         if !(normal.dot(incoming) < 0.0) {
-            path.end = PathEnd::BackFace(hit);
+            path.end = PathEnd::BackFace(in_world(hit));
             return path;
         }
-        let Some(next) = Ray::new(hit.point + normal * offset, mirror(incoming, normal)) else {
-            path.end = PathEnd::NoNormal(hit);
+        let next = Ray::new(hit.point + normal * offset, mirror(incoming, normal));
+        let turned = next.and_then(|n| Ray::new(pose.to_world(n.origin()), pose.direction_to_world(n.direction())));
+        let (Some(next), Some(world)) = (next, turned) else {
+            path.end = PathEnd::NoNormal(in_world(hit));
             return path;
         };
-        *slot = Bounce { hit, normal, direction: next.direction() };
+        let normal = pose.direction_to_world(normal);
+        *slot = Bounce { hit: in_world(hit), normal, direction: world.direction() };
         path.bounces += 1;
-        path.last = next;
+        (path.last, leg) = (world, next);
     }
     path
 }

@@ -18,7 +18,7 @@ use core::fmt;
 use glam::{Vec2, Vec3};
 
 use super::{PlaneEstimate, PlaneSum};
-use crate::ground::geometry::Plane;
+use crate::ground::geometry::{Plane, unit};
 use crate::ground::math;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
@@ -149,7 +149,7 @@ pub fn estimate_ground<D: DepthSample>(
     params: &GroundParams,
 ) -> Result<GroundEstimate, NoGround> {
     params.check()?;
-    let up = up.try_normalize().ok_or(NoGround::BadUp)?;
+    let up = frame.pose_or_identity().direction_to_camera(unit(up).ok_or(NoGround::BadUp)?);
     let sampler = Sampler::new(frame, params);
     let mut work = Work::default();
     let peak = sampler.height_peak(up, Choice::Lowest, &mut work)?;
@@ -166,10 +166,10 @@ pub fn dominant_plane<D: DepthSample>(
     params: &GroundParams,
 ) -> Result<GroundEstimate, NoGround> {
     params.check()?;
-    let hint = hint.try_normalize().ok_or(NoGround::BadUp)?;
+    let hint = unit(hint).ok_or(NoGround::BadUp)?;
     let sampler = Sampler::new(frame, params);
     let mut work = Work::default();
-    let up = sampler.direction_peak(hint, &mut work)?;
+    let up = sampler.direction_peak(frame.pose_or_identity().direction_to_camera(hint), &mut work)?;
     let peak = sampler.height_peak(up, Choice::Largest, &mut work)?;
     let found = sampler.refine(up, peak, work)?;
     Ok(GroundEstimate { tilt: math::acos(found.fit.plane.normal().dot(hint)), ..found })
@@ -186,13 +186,14 @@ struct Peak {
     area: f32,
 }
 
-/// A pixel that lies on something smooth: world point, world normal, area seen (m²).
+/// A pixel that lies on something smooth: point and normal in the camera's frame, area seen (m²).
 struct Facet {
     point: Vec3,
     normal: Vec3,
     area: f32,
 }
 
+/// Works in the camera's frame: world points far from the origin are rounded.
 struct Sampler<'f, 'a, D: DepthSample> {
     frame: &'f DepthFrame<'a, D>,
     params: &'f GroundParams,
@@ -235,12 +236,10 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
         let normal = if facing > 0.0 { -normal } else { normal };
         // A pixel sees z²/(fx fy) square to the axis; slanted surfaces more, up to where noise decides.
         let area = z * z / (k.fx() * k.fy()).abs() / facing.abs().max(0.1) * (self.step * self.step) as f32;
-        let pose = self.frame.pose_or_identity();
-        Some(Facet { point: pose.to_world(point), normal: pose.direction_to_world(normal), area })
+        Some(Facet { point, normal, area })
     }
 
     fn height_peak(&self, up: Vec3, choice: Choice, work: &mut Work) -> Result<Peak, NoGround> {
-        let camera = up.dot(self.frame.pose_or_identity().translation());
         let level = math::cos(self.params.max_angle);
         let mut bins = [0.0_f32; BINS];
         let mut any = false;
@@ -252,7 +251,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
                 continue;
             }
             // A surface that faces up and is seen lies below the camera.
-            let bin = (camera - up.dot(facet.point)) / self.params.bin;
+            let bin = -up.dot(facet.point) / self.params.bin;
             if bin >= 0.0
                 && let Some(cell) = bins.get_mut(bin as usize)
             {
@@ -292,7 +291,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
             weight += a;
             mean += a * (j as f32 + 0.5);
         }
-        Ok(Peak { height: camera - mean / weight * self.params.bin, area })
+        Ok(Peak { height: -mean / weight * self.params.bin, area })
     }
 
     fn direction_peak(&self, hint: Vec3, work: &mut Work) -> Result<Vec3, NoGround> {
@@ -354,7 +353,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
         for _ in 0..3 {
             let mut sum = PlaneSum::new();
             for (x, y) in self.pixels() {
-                if let Some(p) = self.frame.world_point(x, y)
+                if let Some(p) = self.frame.point(x, y)
                     && plane.distance(p).abs() <= band
                 {
                     sum.add(p);
@@ -371,6 +370,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
         if !(tilt <= self.params.max_angle) {
             return Err(NoGround::NotFlat);
         }
+        let fit = fit.transformed(&self.frame.pose_or_identity());
         Ok(GroundEstimate { fit, tilt, area: peak.area, work })
     }
 }

@@ -151,7 +151,8 @@ impl Intrinsics {
         if !(point.z > 0.0) {
             return None;
         }
-        let pixel = Vec2::new(self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy);
+        // The quotient first: the product overflows for points beyond 1e34 m that are seen all the same.
+        let pixel = Vec2::new(self.fx * (point.x / point.z) + self.cx, self.fy * (point.y / point.z) + self.cy);
         pixel.is_finite().then_some(pixel)
     }
 

@@ -4,6 +4,9 @@ use core::fmt;
 
 use glam::{Mat3, Mat4, Quat, Vec3};
 
+use crate::ground::geometry::unit;
+use crate::ground::rotation::{self, rotate, rotate_back};
+
 /// Camera-to-world: rotation, then translation (metres). 28 bytes. Always rigid: it can't be built otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
@@ -63,11 +66,11 @@ impl Pose {
         if !rotation.is_finite() || !translation.is_finite() {
             return Err(PoseError::NotFinite);
         }
-        let length = rotation.length();
+        let length = rotation::length(rotation);
         if !((length - 1.0).abs() <= 0.01) {
             return Err(PoseError::NotUnitQuaternion { length });
         }
-        Ok(Self { rotation: rotation / length, translation })
+        Ok(Self { rotation: rotation::unit(rotation), translation })
     }
 
     /// From a 4 x 4 camera-to-world matrix (column vectors; glam stores columns). Rounding up to 1 % is removed.
@@ -96,9 +99,9 @@ impl Pose {
     /// Looking from `eye` towards `target`, image top towards `up` (all world, metres); `None` when they leave no direction.
     #[must_use]
     pub fn looking_at(eye: Vec3, target: Vec3, up: Vec3) -> Option<Self> {
-        let z = (target - eye).try_normalize()?;
+        let z = unit(target - eye)?;
         // Camera y points down.
-        let x = z.cross(up).try_normalize()?;
+        let x = unit(z.cross(up))?;
         let y = z.cross(x);
         Self::new(Quat::from_mat3(&Mat3::from_cols(x, y, z)), eye).ok()
     }
@@ -125,35 +128,55 @@ impl Pose {
     #[inline]
     #[must_use]
     pub fn to_world(&self, point: Vec3) -> Vec3 {
-        self.rotation * point + self.translation
+        rotate(self.rotation, point) + self.translation
     }
 
-    /// A world point in camera space.
+    /// A world point in camera space. The subtraction comes first, so a camera far from the origin costs no digits.
     #[inline]
     #[must_use]
     pub fn to_camera(&self, point: Vec3) -> Vec3 {
-        self.rotation.conjugate() * (point - self.translation)
+        rotate_back(self.rotation, point - self.translation)
     }
 
     /// A camera-space direction in the world.
     #[inline]
     #[must_use]
     pub fn direction_to_world(&self, direction: Vec3) -> Vec3 {
-        self.rotation * direction
+        rotate(self.rotation, direction)
     }
 
     /// A world direction in camera space.
     #[inline]
     #[must_use]
     pub fn direction_to_camera(&self, direction: Vec3) -> Vec3 {
-        self.rotation.conjugate() * direction
+        rotate_back(self.rotation, direction)
     }
 
-    /// World-to-camera, as a pose.
+    /// World-to-camera, as a pose. Far from the origin its translation is rounded (0.5 mm an axis at 10 km):
+    /// [`Self::to_camera`] and [`Self::relative_to`] subtract first and have no such error.
     #[must_use]
     pub fn inverse(&self) -> Self {
-        let rotation = self.rotation.conjugate();
-        Self { rotation, translation: -(rotation * self.translation) }
+        let [x, y, z] = rotation::rotate_back_exactly(self.rotation, self.translation);
+        Self { rotation: self.rotation.conjugate(), translation: Vec3::new(-x as f32, -y as f32, -z as f32) }
+    }
+
+    /// This pose seen from `reference`: camera to reference camera. As `reference.inverse().compose(self)`, but exact to
+    /// the distance between the two, not to their distance from the world's origin.
+    ///
+    /// ```
+    /// use glam::{Quat, Vec3};
+    /// use isobath::sensing::camera::Pose;
+    /// let reference = Pose::new(Quat::from_xyzw(0.6, 0.0, 0.0, 0.8), Vec3::splat(10_000.0))?;
+    /// let next = Pose::new(Quat::from_xyzw(0.6, 0.0, 0.0, 0.8), Vec3::splat(10_000.0) + Vec3::X)?;
+    /// assert!((next.relative_to(&reference).translation() - Vec3::X).length() < 1e-6);
+    /// # Ok::<(), isobath::sensing::camera::pose::PoseError>(())
+    /// ```
+    #[must_use]
+    pub fn relative_to(&self, reference: &Self) -> Self {
+        Self {
+            rotation: rotation::unit(rotation::product(reference.rotation.conjugate(), self.rotation)),
+            translation: reference.to_camera(self.translation),
+        }
     }
 
     /// First `inner`, then `self`.
@@ -161,7 +184,7 @@ impl Pose {
     pub fn compose(&self, inner: &Self) -> Self {
         Self {
             // Renormalised, so that long chains stay rigid.
-            rotation: (self.rotation * inner.rotation).normalize(),
+            rotation: rotation::unit(rotation::product(self.rotation, inner.rotation)),
             translation: self.to_world(inner.translation),
         }
     }
