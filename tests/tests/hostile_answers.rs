@@ -24,7 +24,7 @@ use isobath::localized::reflect::{Bounce, ReflectParams, reflect};
 use isobath::localized::reticle::{Reticle, ReticleHit, ReticleParams, ReticleState};
 use isobath::sensing::camera::{Intrinsics, Pose};
 use isobath::sensing::depth::noise::DepthNoise;
-use isobath::sensing::depth::{DepthSample, DepthUnit, HolePolicy};
+use isobath::sensing::depth::{DepthUnit, HolePolicy};
 use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
 
