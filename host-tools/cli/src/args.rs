@@ -42,6 +42,8 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// What is in a recording: frames, size, camera, poses, readings
     Info(InfoArgs),
+    /// A simulated recording with its ground truth
+    Sim(SimArgs),
     /// The surface normal of every pixel, as an array or a picture
     Normals(NormalsArgs),
     /// Every pixel as a 3D point
@@ -73,7 +75,7 @@ pub(crate) enum Command {
 #[derive(Debug, Clone, Args)]
 pub(crate) struct SourceArgs {
     /// A recording's folder (TUM RGB-D, 7-Scenes, Open3D, or depth images with a camera.toml), or one depth image
-    /// (16-bit PNG or PGM, NPY, Android DEPTH16 .bin)
+    /// (16-bit PNG or PGM, NPY, Android DEPTH16 .bin), or a simulated scene: sim:SCENE, sim:SCENE@SENSOR (see `isobath sim`)
     #[arg(value_name = "SRC")]
     pub(crate) src: PathBuf,
 
@@ -166,6 +168,50 @@ pub(crate) struct RunArgs {
 pub(crate) struct InfoArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  isobath sim living-room --frames 60 --sensor kinect --seed 1 --out out/living
+  isobath run out/living
+  isobath run sim:living-room@kinect        the same without files
+
+Named scenes: wall, tilted, sphere, corner, stairs, desk, living-room, corridor,
+door. Sensors: none, kinect, kinect-full, stereo, tof, or stages joined by +,
+such as quantised:0.001+range:0.3..5; host-tools/sim/README.md tells of each.
+
+Writes a TUM RGB-D folder with camera.toml and imu.csv, and beside it truth/:
+exact depth and normals (NPY), segments, and environment maps. The same seed
+gives the same bytes on every machine.")]
+pub(crate) struct SimArgs {
+    /// A named scene, or a scene file (.toml)
+    #[arg(value_name = "SCENE")]
+    pub(crate) scene: String,
+
+    /// Where the recording goes [default: out/SCENE]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+
+    /// How many frames, at 30 a second
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    pub(crate) frames: usize,
+
+    /// Size of the depth and colour images
+    #[arg(long, value_name = "WxH", value_parser = size, default_value = "640x480")]
+    pub(crate) size: (usize, usize),
+
+    /// What the sensor does to depth
+    #[arg(long, value_name = "MODEL", default_value = "none")]
+    pub(crate) sensor: String,
+
+    /// Seed of all that is random
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub(crate) seed: u64,
+
+    /// Columns of the environment maps, one for each named place of the scene; 0: none
+    #[arg(long, value_name = "N", default_value_t = 512)]
+    pub(crate) environment: usize,
 }
 
 /// How normals are computed.

@@ -44,6 +44,7 @@ fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Run(args) => commands::run::run(args, &mut say),
         Command::Info(args) => commands::info::run(args, &mut say),
+        Command::Sim(args) => commands::sim::run(args, &mut say),
         Command::Normals(args) => commands::normals::run(args, &mut say),
         Command::Points(args) => commands::points::run(args, &mut say),
         Command::Hit(args) => commands::hit::run(args, &mut say),

@@ -5,6 +5,7 @@ use isobath::localized::plane::ground::{GroundParams, dominant_plane, estimate_g
 use isobath::sensing::depth::DepthSample;
 use isobath::sensing::frame::DepthFrame;
 use isobath_recording::OpenOptions;
+use isobath_sim::{SimOptions, SimSource};
 use isobath_source::{Deadline, Outcome as Read, OwnedFrame, Recording, SourceError, with_frame};
 
 use crate::args::{FrameArgs, SourceArgs};
@@ -77,7 +78,10 @@ impl Source {
         set.depth.min_z = args.min_z;
         set.depth.max_z = args.max_z;
         set.depth.min_confidence = args.min_confidence;
-        let recording = isobath_recording::open(&args.src, &options).map_err(|e| failure(&e, &args.src.display()))?;
+        let recording = match args.src.to_str().and_then(|src| src.strip_prefix("sim:")) {
+            Some(simulated) => simulate(simulated, args)?,
+            None => isobath_recording::open(&args.src, &options).map_err(|e| failure(&e, &args.src.display()))?,
+        };
         let up = match args.up {
             Some(up) => Some(up.try_normalize().ok_or_else(|| {
                 Failure::new("the up direction has no length").at("--up").advise("give a direction, such as 0,-1,0")
@@ -135,6 +139,17 @@ impl Source {
         map.insert("frame".into(), frame.into());
         map
     }
+}
+
+/// A scene without files: `SCENE`, or `SCENE@SENSOR`.
+fn simulate(what: &str, args: &SourceArgs) -> Outcome<Box<dyn Recording>> {
+    let (scene, sensor) = what.split_once('@').unwrap_or((what, "none"));
+    let failed = |e: &isobath_sim::SimError| Failure::of(e, format!("sim:{what}"));
+    let mut options = SimOptions { sensor: sensor.parse().map_err(|e| failed(&e))?, ..SimOptions::default() };
+    if let Some(size) = args.size {
+        options.size = size;
+    }
+    Ok(Box::new(SimSource::open(scene, options).map_err(|e| failed(&e))?))
 }
 
 /// The top of the image, in the world.

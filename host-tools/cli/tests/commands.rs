@@ -76,15 +76,50 @@ fn help_teaches() {
     let output = isobath(&["--help"]);
     assert_eq!(output.status.code(), Some(0));
     let text = stdout(&output);
-    for command in
-        ["run", "info", "normals", "points", "hit", "raycast", "measure", "place", "find-place", "path", "completions"]
-    {
+    for command in [
+        "run",
+        "info",
+        "sim",
+        "normals",
+        "points",
+        "hit",
+        "raycast",
+        "measure",
+        "place",
+        "find-place",
+        "path",
+        "completions",
+    ] {
         assert!(text.contains(command), "{command}");
         let output = isobath(&["help", command]);
         assert_eq!(output.status.code(), Some(0), "{command}");
         assert!(stdout(&output).contains(&format!("isobath {command}")), "{command}");
     }
     assert!(text.contains("Exit codes"));
+}
+
+#[test]
+fn a_simulated_recording_is_read_back_and_needs_no_files() {
+    let folder = Folder::new();
+    let out = folder.path("wall");
+    let args = ["sim", "wall", "--frames", "2", "--size", "64x48", "--environment", "0", "--out", &out];
+    let written = json(&args);
+    assert_eq!((&written["scene"], &written["frames"]), (&Value::from("wall"), &Value::from(2)));
+    // The wall stands 2 m away; written in 1/5000 m steps.
+    let from_file = json(&["hit", &out, "--pixel", "32,24"]);
+    let from_scene = json(&["hit", "sim:wall", "--size", "64x48", "--pixel", "32,24"]);
+    for hit in [&from_file, &from_scene] {
+        assert_eq!(hit["answer"], "hit");
+        assert!((number(&hit["point_m"][2]) + 2.0).abs() < 2e-4, "{hit}");
+    }
+    let noisy = json(&["info", "sim:desk@kinect-full", "--size", "64x48"]);
+    assert!(number(&noisy["readings_share"]) < 1.0, "a full Kinect has holes");
+    let output = isobath(&["info", "sim:nowhere"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("living-room"), "the scenes there are are named");
+    let output = isobath(&["sim", "wall", "--sensor", "sonar", "--out", &out]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("kinect"), "{}", stderr(&output));
 }
 
 #[test]

@@ -11,3 +11,4 @@ pub(crate) mod place;
 pub(crate) mod points;
 pub(crate) mod raycast;
 pub(crate) mod run;
+pub(crate) mod sim;

@@ -152,6 +152,9 @@ fn view_world<D: DepthSample>(view: &DepthFrame<'_, D>, world: &World, frames: u
 }
 
 fn default_out(src: &Path) -> PathBuf {
+    if let Some(scene) = src.to_str().and_then(|src| src.strip_prefix("sim:")) {
+        return Path::new("out").join(scene.replace(|c: char| !c.is_ascii_alphanumeric(), "-"));
+    }
     // `.` and `..` have no name of their own.
     let whole = std::fs::canonicalize(src).unwrap_or_else(|_| src.to_owned());
     let name = whole.file_stem().map_or_else(|| "report".into(), ToOwned::to_owned);
@@ -159,7 +162,7 @@ fn default_out(src: &Path) -> PathBuf {
 }
 
 /// Drawn on stderr, and only when that is a terminal.
-fn progress(frames: usize) -> ProgressBar {
+pub(crate) fn progress(frames: usize) -> ProgressBar {
     if frames < 2 {
         return ProgressBar::hidden();
     }
