@@ -4,5 +4,5 @@ pub(crate) mod colours;
 pub(crate) mod frames;
 pub(crate) mod map;
 pub(crate) mod perspective;
-pub(crate) mod raster;
-pub(crate) mod svg;
+
+pub(crate) use isobath_page::{raster, svg};

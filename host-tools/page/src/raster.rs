@@ -2,7 +2,7 @@
 
 /// 8-bit RGB, rows top to bottom.
 #[derive(Debug, Clone)]
-pub(crate) struct Raster {
+pub struct Raster {
     width: usize,
     height: usize,
     rgb: Vec<u8>,
@@ -10,7 +10,8 @@ pub(crate) struct Raster {
 
 impl Raster {
     /// Asks `colour` for every pixel.
-    pub(crate) fn from_fn(width: usize, height: usize, mut colour: impl FnMut(usize, usize) -> [u8; 3]) -> Self {
+    #[must_use]
+    pub fn from_fn(width: usize, height: usize, mut colour: impl FnMut(usize, usize) -> [u8; 3]) -> Self {
         let mut rgb = Vec::with_capacity(width * height * 3);
         for y in 0..height {
             for x in 0..width {
@@ -20,7 +21,9 @@ impl Raster {
         Self { width, height, rgb }
     }
 
-    pub(crate) const fn size(&self) -> (usize, usize) {
+    /// Columns and rows.
+    #[must_use]
+    pub const fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
 
@@ -28,7 +31,7 @@ impl Raster {
     ///
     /// # Errors
     /// When the picture has no pixels or is too large for the format.
-    pub(crate) fn png(&self) -> Result<Vec<u8>, png::EncodingError> {
+    pub fn png(&self) -> Result<Vec<u8>, png::EncodingError> {
         let side = |n: usize| u32::try_from(n).unwrap_or(0);
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, side(self.width), side(self.height));

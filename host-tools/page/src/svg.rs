@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 
 use base64::Engine as _;
 
-use super::raster::Raster;
+use crate::raster::Raster;
 
 /// A drawing in work.
 #[derive(Debug)]
-pub(crate) struct Svg {
+pub struct Svg {
     width: f32,
     height: f32,
     body: String,
@@ -17,12 +17,15 @@ pub(crate) struct Svg {
 }
 
 impl Svg {
-    pub(crate) fn new(width: f32, height: f32, label: &str) -> Self {
+    /// An empty drawing; the label is for those who hear it read.
+    #[must_use]
+    pub fn new(width: f32, height: f32, label: &str) -> Self {
         Self { width, height, body: String::new(), label: label.to_owned() }
     }
 
     /// A drawing over a picture of the same size; an unencodable (empty) picture is left out.
-    pub(crate) fn over(raster: &Raster, label: &str) -> Self {
+    #[must_use]
+    pub fn over(raster: &Raster, label: &str) -> Self {
         let (w, h) = raster.size();
         let mut svg = Self::new(w as f32, h as f32, label);
         svg.picture(raster, -0.5, -0.5, w as f32, h as f32, false);
@@ -30,7 +33,7 @@ impl Svg {
     }
 
     /// A picture placed in the drawing; `blocky` shows its pixels as squares.
-    pub(crate) fn picture(&mut self, raster: &Raster, x: f32, y: f32, w: f32, h: f32, blocky: bool) {
+    pub fn picture(&mut self, raster: &Raster, x: f32, y: f32, w: f32, h: f32, blocky: bool) {
         if let Ok(png) = raster.png() {
             let data = base64::engine::general_purpose::STANDARD.encode(png);
             let style = if blocky { " style=\"image-rendering:pixelated\"" } else { "" };
@@ -42,13 +45,13 @@ impl Svg {
     }
 
     /// Anything else, as it is.
-    pub(crate) fn raw(&mut self, element: &str) {
+    pub fn raw(&mut self, element: &str) {
         self.body.push_str(element);
         self.body.push('\n');
     }
 
     /// A line through points; `extra` holds attributes such as a dash pattern.
-    pub(crate) fn polyline(&mut self, points: &[[f32; 2]], colour: &str, width: f32, extra: &str) {
+    pub fn polyline(&mut self, points: &[[f32; 2]], colour: &str, width: f32, extra: &str) {
         if points.len() >= 2 {
             let points = list(points);
             let _ = writeln!(
@@ -58,26 +61,30 @@ impl Svg {
         }
     }
 
-    pub(crate) fn polygon(&mut self, points: &[[f32; 2]], fill: &str, extra: &str) {
+    /// A filled outline.
+    pub fn polygon(&mut self, points: &[[f32; 2]], fill: &str, extra: &str) {
         let points = list(points);
         let _ = writeln!(self.body, r#"<polygon points="{points}" fill="{fill}" {extra}/>"#);
     }
 
-    pub(crate) fn circle(&mut self, [x, y]: [f32; 2], radius: f32, fill: &str, extra: &str) {
+    /// A filled circle.
+    pub fn circle(&mut self, [x, y]: [f32; 2], radius: f32, fill: &str, extra: &str) {
         let _ = writeln!(self.body, r#"<circle cx="{x:.2}" cy="{y:.2}" r="{radius:.2}" fill="{fill}" {extra}/>"#);
     }
 
-    pub(crate) fn rect(&mut self, x: f32, y: f32, w: f32, h: f32, extra: &str) {
+    /// A rectangle from its upper left corner.
+    pub fn rect(&mut self, x: f32, y: f32, w: f32, h: f32, extra: &str) {
         let _ = writeln!(self.body, r#"<rect x="{x:.2}" y="{y:.2}" width="{w:.2}" height="{h:.2}" {extra}/>"#);
     }
 
-    pub(crate) fn text(&mut self, [x, y]: [f32; 2], size: f32, text: &str, extra: &str) {
+    /// Text from its base line; `extra` holds its class and anchor.
+    pub fn text(&mut self, [x, y]: [f32; 2], size: f32, text: &str, extra: &str) {
         let text = escape(text);
         let _ = writeln!(self.body, r#"<text x="{x:.2}" y="{y:.2}" font-size="{size}" {extra}>{text}</text>"#);
     }
 
     /// Text with a dark rim, readable over any picture; moved inwards where it would leave the drawing.
-    pub(crate) fn label(&mut self, [x, y]: [f32; 2], size: f32, text: &str, colour: &str, anchor: &str) {
+    pub fn label(&mut self, [x, y]: [f32; 2], size: f32, text: &str, colour: &str, anchor: &str) {
         // About the width of bold text in the usual fonts.
         let wide = 0.62 * size * text.chars().count() as f32;
         let left = match anchor {
@@ -96,7 +103,8 @@ impl Svg {
     }
 
     /// The finished element, to stand in an HTML page.
-    pub(crate) fn finish(self) -> String {
+    #[must_use]
+    pub fn finish(self) -> String {
         let Self { width, height, body, label } = self;
         format!(
             "<svg viewBox=\"-0.5 -0.5 {width} {height}\" role=\"img\" aria-label=\"{}\" xmlns=\"http://www.w3.org/2000/svg\">\n{body}</svg>",
@@ -115,7 +123,8 @@ fn list(points: &[[f32; 2]]) -> String {
 }
 
 /// Text made safe to stand in HTML or SVG.
-pub(crate) fn escape(text: &str) -> String {
+#[must_use]
+pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

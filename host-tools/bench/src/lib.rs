@@ -1,0 +1,159 @@
+//! The bench: run time **and** error of everything isobath answers, side by side.
+//!
+//! A claim of speed that does not say what it costs in error is no claim. Here each capability is one [`Row`]: methods x
+//! knobs, measured on the same simulated frames with known truth, over scenes, sensors and resolutions, alternating in one
+//! process. Of each comparison the Pareto front is marked: the methods that no other beats in both time and error.
+//!
+//! ```text
+//! rows (what is compared) x input (scene, sensor, size) -> measure (alternating) -> Report -> terminal | CSV | JSON | HTML
+//! ```
+//!
+//! | module | idea |
+//! |---|---|
+//! | [`row`] | the vocabulary: what a row, a method, a score is |
+//! | [`input`] | a simulated frame, what a sensor makes of it, and the truth |
+//! | `rows` | one file a capability; `rows/mod.rs` lists them |
+//! | `skips` | features that skip: how much, how much faster, and that the answer is the same |
+//! | `measure` | timing, alternating; [`pareto`] who is beaten by nobody |
+//! | [`report`] | what came out, and its four forms |
+//!
+//! # A new row
+//! A function that lists methods for an input, and a [`Row`] that names the units; the row goes into `rows::ALL`:
+//!
+//! ```
+//! use isobath_bench::input::{Input, Sensor};
+//! use isobath_bench::row::{Measure, Method, Row, Score};
+//!
+//! pub const MEAN_DEPTH: Row = Row {
+//!     name: "mean-depth",
+//!     title: "Mean depth of a frame",
+//!     unit: "pixel",
+//!     errors: &[Measure { unit: "mm", name: "off", what: "distance from the mean of the exact depth", shown: true }],
+//!     sensors: &[Sensor::Exact, Sensor::Kinect],
+//!     scenes: &[],
+//!     methods: |input| {
+//!         let mean = move || input.metres().sum::<f64>() / input.pixels() as f64;
+//!         let truth = input.truth.z.iter().sum::<f64>() / input.pixels() as f64;
+//!         vec![Method::new("sum", input.pixels(), move || { mean(); }, move || Score::of([(mean() - truth).abs() * 1e3]))]
+//!     },
+//! };
+//! let input = Input::new("wall", Sensor::Exact, (16, 12), 0)?;
+//! assert_eq!((MEAN_DEPTH.methods)(&input)[0].score().errors[0], 0.0);
+//! # Ok::<(), isobath_bench::BenchError>(())
+//! ```
+
+pub mod input;
+mod measure;
+pub mod pareto;
+pub mod report;
+pub mod row;
+mod rows;
+mod skips;
+
+use std::time::Duration;
+
+use input::Input;
+use measure::Effort;
+use report::{Report, Result as Found};
+pub use rows::ALL;
+
+/// What can go wrong.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BenchError {
+    /// A scene can't be simulated.
+    #[error(transparent)]
+    Sim(#[from] isobath_sim::SimError),
+    /// The simulator's camera is none to the core.
+    #[error("the simulated camera is not usable: {0}")]
+    Camera(#[from] isobath::sensing::camera::intrinsics::IntrinsicsError),
+    /// No row's name contains the filter.
+    #[error("nothing is called {filter:?}; there are {}", names().join(", "))]
+    NothingSelected {
+        /// What was asked for.
+        filter: String,
+    },
+    /// A report can't be written.
+    #[error("can't write {path}: {error}")]
+    Write {
+        /// Where.
+        path: std::path::PathBuf,
+        /// Why.
+        error: std::io::Error,
+    },
+}
+
+/// What to measure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Only rows whose name contains one of these; all when empty. `skipping` names the skipping table.
+    pub filter: Vec<String>,
+    /// Three scenes, one small size, few repetitions: under a minute.
+    pub quick: bool,
+    /// Sizes in place of the usual ones.
+    pub sizes: Vec<(usize, usize)>,
+    /// Of noise and of the questions asked.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { filter: Vec::new(), quick: false, sizes: Vec::new(), seed: 1 }
+    }
+}
+
+const SCENES: &[&str] = &["wall", "tilted", "sphere", "corner", "stairs", "desk", "living-room", "corridor"];
+const QUICK_SCENES: &[&str] = &["sphere", "corner", "living-room"];
+const SKIPPING: &str = "skipping";
+
+/// What can be filtered for.
+#[must_use]
+pub fn names() -> Vec<&'static str> {
+    ALL.iter().map(|r| r.name).chain([SKIPPING]).collect()
+}
+
+/// Measures; `tell` hears what is being done.
+///
+/// # Errors
+/// [`BenchError`]: nothing selected, or a scene that can't be simulated.
+pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, BenchError> {
+    let wanted = |name: &str| options.filter.is_empty() || options.filter.iter().any(|f| name.contains(f.as_str()));
+    if let Some(filter) = options.filter.iter().find(|f| !names().iter().any(|n| n.contains(f.as_str()))) {
+        return Err(BenchError::NothingSelected { filter: filter.clone() });
+    }
+    let effort = if options.quick {
+        Effort { rounds: 3, batch: Duration::from_micros(500), longest: Duration::from_millis(150) }
+    } else {
+        Effort { rounds: 9, batch: Duration::from_millis(2), longest: Duration::from_secs(1) }
+    };
+    let sizes: &[(usize, usize)] = match options.sizes.as_slice() {
+        [] if options.quick => &[(320, 240)],
+        [] => &[(160, 120), (640, 480)],
+        sizes => sizes,
+    };
+    let scenes = if options.quick { QUICK_SCENES } else { SCENES };
+    let mut report = Report { seed: options.seed, quick: options.quick, results: Vec::new(), skips: Vec::new() };
+    for &size in sizes {
+        for &scene in scenes {
+            let base = Input::new(scene, input::Sensor::Exact, size, options.seed)?;
+            for &sensor in input::Sensor::ALL {
+                let input = base.sensed_by(sensor);
+                for row in ALL.iter().filter(|r| wanted(r.name) && r.sensors.contains(&sensor) && r.takes(scene)) {
+                    tell(&format!("{}: {scene}, {}, {}x{}", row.name, sensor.label(), size.0, size.1));
+                    let mut methods = (row.methods)(&input);
+                    let times = measure::alternating(&mut methods, &effort);
+                    for (method, time) in methods.iter_mut().zip(times) {
+                        let score = method.score();
+                        let name = method.name().to_owned();
+                        report.results.push(Found { row, scene, sensor, size, method: name, time, score });
+                    }
+                }
+            }
+            if wanted(SKIPPING) {
+                tell(&format!("skipping: {scene}, {}x{}", size.0, size.1));
+                report.skips.extend(skips::all(&base.sensed_by(input::Sensor::Millimetres), &effort));
+            }
+        }
+    }
+    Ok(report)
+}

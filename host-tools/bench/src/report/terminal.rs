@@ -1,0 +1,200 @@
+//! The tables, at most 80 columns wide.
+
+use std::fmt::Write as _;
+
+use super::{Mean, Report, number};
+use crate::input::Sensor;
+use crate::row::Row;
+
+const WIDTH: usize = 80;
+const NAME: usize = 19;
+const NUMBER: usize = 9;
+
+/// Everything.
+pub(super) fn text(report: &Report) -> String {
+    let mut out = String::new();
+    for row in report.rows() {
+        for size in report.sizes() {
+            comparison(report, row, size, &mut out);
+        }
+    }
+    skips(report, &mut out);
+    if !report.results.is_empty() {
+        out.push_str("* on the Pareto front: no other method is at least as good in both time and error.\n");
+    }
+    out
+}
+
+/// A heading with something at the right end.
+fn heading(left: &str, right: &str, out: &mut String) {
+    let gap = WIDTH.saturating_sub(left.chars().count() + right.chars().count()).max(2);
+    let _ = writeln!(out, "{left}{}{right}", " ".repeat(gap));
+}
+
+fn comparison(report: &Report, row: &Row, size: (usize, usize), out: &mut String) {
+    let scenes = report.scenes(row, size);
+    let columns: Vec<(Sensor, Vec<Mean>)> = row
+        .sensors
+        .iter()
+        .map(|&sensor| (sensor, report.means(row, sensor, size, None)))
+        .filter(|(_, means)| !means.is_empty())
+        .collect();
+    let shown: Vec<usize> = (0..row.errors.len()).filter(|&i| row.errors[i].shown).collect();
+    let wide = NUMBER * (1 + shown.len()) + 1;
+    let at_once = ((WIDTH - NAME) / wide).max(1);
+    let of = match scenes.as_slice() {
+        [one] => (*one).to_owned(),
+        many => format!("mean of {} scenes", many.len()),
+    };
+    for (i, block) in columns.chunks(at_once).enumerate() {
+        if i == 0 {
+            heading(
+                &format!("{}: {}", row.name.to_uppercase(), row.title),
+                &format!("{}x{}, {of}", size.0, size.1),
+                out,
+            );
+        }
+        let mut line = " ".repeat(NAME);
+        for (sensor, _) in block {
+            let _ = write!(line, "{:>w$} ", sensor.label(), w = wide - 1);
+        }
+        let _ = writeln!(out, "{}", line.trim_end());
+        line = " ".repeat(NAME);
+        for _ in block {
+            let _ = write!(line, "{:>NUMBER$}", format!("ns/{}", row.unit));
+            for &e in &shown {
+                let _ = write!(line, "{:>NUMBER$}", row.errors[e].unit);
+            }
+            line.push(' ');
+        }
+        let _ = writeln!(out, "{}", line.trim_end());
+        // A second line of names only where units alone don't tell.
+        if shown.len() > 1 {
+            line = " ".repeat(NAME);
+            for _ in block {
+                let _ = write!(line, "{:>NUMBER$}", "");
+                for &e in &shown {
+                    let _ = write!(line, "{:>NUMBER$}", row.errors[e].name);
+                }
+                line.push(' ');
+            }
+            let _ = writeln!(out, "{}", line.trim_end());
+        }
+        let methods = block.first().map_or(0, |(_, means)| means.len());
+        for m in 0..methods {
+            line = format!("{:NAME$}", block[0].1[m].method);
+            for (_, means) in block {
+                let Some(mean) = means.get(m) else { continue };
+                let _ = write!(line, "{:>NUMBER$}", number(mean.time));
+                for &e in &shown {
+                    let _ = write!(line, "{:>NUMBER$}", number(mean.errors[e]));
+                }
+                line.push(if mean.front && means.len() > 1 { '*' } else { ' ' });
+            }
+            let _ = writeln!(out, "{}", line.trim_end());
+        }
+    }
+    for &e in &shown {
+        let measure = row.errors[e];
+        for line in wrapped(&format!("{}: {}", measure.name, measure.what), WIDTH - 2) {
+            let _ = writeln!(out, "  {line}");
+        }
+    }
+    let worst = columns.iter().flat_map(|(_, means)| means).filter_map(|m| unanswered(row, m)).fold(0.0, f64::max);
+    if worst > 0.05 {
+        let _ = writeln!(out, "  unanswered: up to {} % of what has a reading", number(worst));
+    }
+    out.push('\n');
+}
+
+/// The share without an answer, where a row has one.
+fn unanswered(row: &Row, mean: &Mean) -> Option<f64> {
+    let i = row.errors.iter().position(|m| m.name == "unanswered" && !m.shown)?;
+    mean.errors.get(i).copied()
+}
+
+fn skips(report: &Report, out: &mut String) {
+    let mut first = true;
+    for size in report.sizes() {
+        let mut of_size: Vec<_> = report.skips.iter().filter(|s| s.size == size).collect();
+        of_size.sort_by_key(|s| s.feature);
+        if of_size.is_empty() {
+            continue;
+        }
+        heading("SKIPPING: what it saves, and that it changes nothing", &format!("{}x{}", size.0, size.1), out);
+        let _ = writeln!(
+            out,
+            "{:20}{:12}{:>8}{:>10}{:>10}{:>9}{:>11}",
+            "", "", "skipped", "full ns", "skip ns", "speed-up", "different"
+        );
+        let mut last = "";
+        for s in of_size {
+            let name = if last == s.feature { "" } else { s.feature };
+            last = s.feature;
+            let _ = writeln!(
+                out,
+                "{name:20}{:12}{:>6.1} %{:>10}{:>10}{:>8.2}x{:>6}/{}",
+                s.scene,
+                100.0 * s.skipped,
+                number(s.full.best),
+                number(s.skipping.best),
+                s.speed_up(),
+                s.different,
+                s.queries
+            );
+        }
+        first = false;
+        out.push('\n');
+    }
+    if !first {
+        out.push_str("  skip ns: with the pyramid's build shared by all queries; different: must be 0.\n\n");
+    }
+}
+
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let line = lines.last_mut().filter(|l| l.is_empty() || l.chars().count() + 1 + word.chars().count() <= width);
+        match line {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            None => lines.push(format!("  {word}")),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::example;
+    use super::*;
+
+    #[test]
+    fn nothing_is_wider_than_a_terminal() {
+        let text = example().text();
+        for line in text.lines() {
+            assert!(line.chars().count() <= WIDTH, "{line}");
+        }
+        assert!(text.contains("mean of 2 scenes") && text.contains("0/300"), "{text}");
+        let adaptive = text.lines().find(|l| l.starts_with("adaptive")).unwrap();
+        assert_eq!(adaptive.matches('*').count(), 3, "{adaptive}");
+    }
+
+    #[test]
+    fn every_row_fits() {
+        for row in crate::ALL {
+            let shown = row.errors.iter().filter(|m| m.shown).count();
+            assert!(NAME + NUMBER * (1 + shown) < WIDTH, "{}", row.name);
+            assert!(row.unit.len() + 3 < NUMBER, "{}: ns/{} touches its neighbour", row.name, row.unit);
+            assert!(row.errors.iter().all(|m| !m.shown || (m.unit.len() < NUMBER && m.name.len() < NUMBER)));
+            assert!(
+                row.name.len() + row.title.len() + 2 + "640x480, mean of 8 scenes".len() + 2 <= WIDTH,
+                "{}",
+                row.name
+            );
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! What is compared: one file a capability. See the crate's page for how to add one.
+
+mod hit;
+mod normals;
+mod planning;
+mod points;
+mod pyramid;
+pub(crate) mod raycast;
+pub(crate) mod room;
+
+use crate::row::Row;
+
+/// Every row, in the order of the report.
+pub const ALL: &[Row] = &[
+    normals::DENSE,
+    normals::SINGLE,
+    points::POINTS,
+    points::PROJECTION,
+    pyramid::BUILD,
+    raycast::CAST,
+    hit::HIT,
+    room::ROOM,
+    planning::PATH,
+];
