@@ -8,7 +8,7 @@ use isobath::sensing::camera::{Intrinsics, Pose};
 use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::depth::{DepthSample, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
-use isobath_sim::{GroundTruth, Rigid, Scene, SimCamera, V3};
+use isobath_sim::{GroundTruth, Rigid, Scene, SensorModel, SimCamera, Stage, V3};
 
 use crate::BenchError;
 
@@ -126,8 +126,9 @@ impl Input {
                 Depth::U16(z.iter().map(|&z| u16::from_metres(z as f32, DepthUnit::MILLIMETRE)).collect())
             }
             Sensor::Kinect => {
-                let mut random = Random::new(self.seed);
-                Depth::F32(z.iter().map(|&z| (z + 1.425e-3 * z * z * random.normal()) as f32).collect())
+                let noise = Stage::Noise { constant: 0.0, linear: 0.0, quadratic: 1.425e-3 };
+                let sensed = SensorModel { stages: vec![noise] }.sense(&self.truth, &self.camera, self.seed, 0);
+                Depth::F32(sensed.z.iter().map(|&z| z as f32).collect())
             }
         };
         Self { sensor, depth, ..self.clone() }
@@ -271,12 +272,6 @@ impl Random {
     /// In (low, high).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
-    }
-
-    /// Normal, mean 0, standard deviation 1 (Box and Muller).
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * self.unit().ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
     }
 }
 

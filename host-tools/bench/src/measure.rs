@@ -80,10 +80,8 @@ mod tests {
         let (a, b) = (Cell::new(0), Cell::new(0));
         let count = |c: &Cell<u32>| c.set(c.get() + 1);
         let score = || Score::of([0.0]);
-        let mut methods = [
-            Method::new("a", 10, || count(&a), score),
-            Method::new("b", 1, || (busy(), count(&b)).1, score),
-        ];
+        let mut methods =
+            [Method::new("a", 10, || count(&a), score), Method::new("b", 1, || (busy(), count(&b)).1, score)];
         let effort = Effort { rounds: 5, batch: Duration::ZERO, longest: Duration::from_micros(100) };
         let times = alternating(&mut methods, &effort);
         assert_eq!(b.get(), 3, "once to warm up and the two turns everybody gets");

@@ -60,6 +60,8 @@ pub(crate) enum Command {
     FindPlace(FindPlaceArgs),
     /// How to walk from one point to another, around what can't be climbed
     Path(PathArgs),
+    /// Run time against error of all of these, measured here on simulated frames with known truth
+    Bench(BenchArgs),
     /// Completions for your shell, on stdout
     #[command(
         after_help = "Examples:\n  isobath completions bash > ~/.local/share/bash-completion/completions/isobath\n  \
@@ -426,6 +428,33 @@ fn vec2(text: &str) -> Result<Vec2, String> {
 
 fn vec3(text: &str) -> Result<Vec3, String> {
     numbers::<3>(text).map(Vec3::from)
+}
+
+/// What is measured.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  isobath bench --quick\n  isobath bench --filter normals --size 640x480\n\n\
+    Times are the thread's own processor time, nanoseconds, of the best of several\nrounds in turn. DIR gets bench.html \
+    (plots), bench.csv and bench.json.")]
+pub(crate) struct BenchArgs {
+    /// Only what has this in its name; may be given several times
+    #[arg(long, value_name = "NAME")]
+    pub(crate) filter: Vec<String>,
+
+    /// Three scenes, one small size: under a minute
+    #[arg(long)]
+    pub(crate) quick: bool,
+
+    /// One image size in place of the usual ones
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<(usize, usize)>,
+
+    /// Of the noise and of the questions asked: the same seed asks the same
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+
+    /// Folder for the report
+    #[arg(long, value_name = "DIR", default_value = "out/bench")]
+    pub(crate) out: PathBuf,
 }
 
 fn size(text: &str) -> Result<(usize, usize), String> {

@@ -53,6 +53,7 @@ fn main() -> ExitCode {
         Command::Place(args) => commands::place::run(args, &mut say),
         Command::FindPlace(args) => commands::find_place::run(args, &mut say),
         Command::Path(args) => commands::path::run(args, &mut say),
+        Command::Bench(args) => commands::bench::run(args, &mut say),
         Command::Completions { shell } => {
             commands::completions::run(*shell);
             Ok(())

@@ -25,10 +25,8 @@ impl Axis {
     /// Wide enough for every value; logarithmic when asked, and where values differ by more than a factor of five.
     fn over(values: &[f64], logarithmic: bool, from: f32, to: f32) -> Self {
         let largest = values.iter().copied().fold(0.0, f64::max);
-        let positive = || values.iter().copied().filter(|&v| v > 0.0);
-        let smallest = positive().fold(f64::INFINITY, f64::min);
-        let spread = largest / smallest > 5.0 && values.iter().all(|&v| v > 0.0);
-        if largest > 0.0 && (logarithmic || spread) {
+        let smallest = values.iter().copied().fold(f64::INFINITY, f64::min);
+        if smallest > 0.0 && (logarithmic || largest / smallest > 5.0) {
             let (low, high) = (smallest / 1.35, largest * 1.35);
             // At least a factor of four, or all marks would coincide.
             let extra = (4.0 / (high / low)).max(1.0).sqrt();

@@ -20,7 +20,7 @@ pub(super) fn text(report: &Report) -> String {
     }
     skips(report, &mut out);
     if !report.results.is_empty() {
-        out.push_str("* on the Pareto front: no other method is at least as good in both time and error.\n");
+        out.push_str("* on the Pareto front: no other method beats it in both time and error.\n");
     }
     out
 }

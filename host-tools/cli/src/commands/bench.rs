@@ -5,7 +5,6 @@ use std::io::{IsTerminal as _, Write as _};
 use isobath_bench::{BenchError, Options, run as measure};
 
 use crate::args::BenchArgs;
-use crate::commands::info::extend;
 use crate::failure::{Failure, Outcome};
 use crate::say::Say;
 
@@ -30,9 +29,7 @@ pub(crate) fn run(args: &BenchArgs, say: &mut Say) -> Outcome {
     for file in report.write(&args.out).map_err(|e| failed(&e))? {
         say.line(&format!("wrote {}", file.display()));
     }
-    if let serde_json::Value::Object(map) = report.json() {
-        extend(say.object(), map);
-    }
+    say.json(&report.json());
     Ok(())
 }
 

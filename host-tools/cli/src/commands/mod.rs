@@ -1,5 +1,6 @@
 //! One file a command: ask the core, tell people or machines.
 
+pub(crate) mod bench;
 pub(crate) mod completions;
 pub(crate) mod find_place;
 pub(crate) mod hit;
