@@ -7,5 +7,6 @@ pub mod geometry;
 pub mod image;
 pub(crate) mod lanes;
 pub mod math;
+pub(crate) mod regression;
 pub(crate) mod rotation;
 pub mod units;

@@ -14,6 +14,7 @@
 use core::fmt;
 
 use crate::ground::image::ImageViewMut;
+use crate::ground::regression::Sums;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::depth::noise::DepthNoise;
 use crate::sensing::frame::DepthFrame;
@@ -252,25 +253,28 @@ impl<'a, D: DepthSample> TileMap<'a, D> {
     /// Takes the tile into the reference; returns its flags.
     fn adopt(&mut self, frame: &DepthFrame<'_, D>, noise: &DepthNoise, tx: usize, ty: usize) -> u8 {
         let now = frame.depth().crop(tx * TILE, ty * TILE, TILE, TILE);
-        let mut sums = PlaneSums::default();
+        let mut sums = Sums::default();
+        // The first value, subtracted from all.
+        let mut first = None;
         for (j, row) in now.rows().enumerate() {
             let kept = self.reference.row_mut(ty * TILE + j);
             if let Some(kept) = kept.get_mut(tx * TILE..tx * TILE + row.len()) {
                 kept.copy_from_slice(row);
             }
             for (i, value) in row.iter().enumerate().filter(|(_, v)| v.is_valid()) {
-                sums.add(i as f32 - 3.5, j as f32 - 3.5, 1.0 / value.number());
+                let w = 1.0 / value.number();
+                sums.add(i as f32 - 3.5, j as f32 - 3.5, w - *first.get_or_insert(w));
             }
         }
-        if sums.n == 0.0 {
+        let Some(first) = first else {
             return Tile::EMPTY;
-        }
+        };
         let unit = frame.unit();
-        let w = sums.w0 + sums.w / sums.n;
+        let w = first + sums.w / sums.n;
         let per_metre = w * w / unit.metres();
         let rounding = 3e-7 * w;
         let variance = noise.variance::<D>(unit.metres() / w, unit) * per_metre * per_metre + rounding * rounding;
-        if sums.is_plane_within(variance) { Tile::FLAT } else { 0 }
+        if is_plane_within(&sums, variance) { Tile::FLAT } else { 0 }
     }
 }
 
@@ -281,59 +285,15 @@ enum Verdict {
     Changed,
 }
 
-/// Least squares of inverse depth over a tile: linear on a plane.
-#[derive(Default)]
-struct PlaneSums {
-    n: f32,
-    /// The first value, subtracted from all.
-    w0: f32,
-    x: f32,
-    y: f32,
-    w: f32,
-    xx: f32,
-    xy: f32,
-    yy: f32,
-    xw: f32,
-    yw: f32,
-    ww: f32,
-}
-
-impl PlaneSums {
-    fn add(&mut self, x: f32, y: f32, w: f32) {
-        if self.n == 0.0 {
-            self.w0 = w;
-        }
-        let w = w - self.w0;
-        self.n += 1.0;
-        self.x += x;
-        self.y += y;
-        self.w += w;
-        self.xx += x * x;
-        self.xy += x * y;
-        self.yy += y * y;
-        self.xw += x * w;
-        self.yw += y * w;
-        self.ww += w * w;
-    }
-
-    /// Whether the residual is what a variance of single values explains (chi-square, three standard deviations).
-    fn is_plane_within(&self, variance: f32) -> bool {
-        let n = self.n;
-        if n < 20.0 {
-            return false;
-        }
-        let (mx, my, mw) = (self.x / n, self.y / n, self.w / n);
-        let (xx, xy, yy) = (self.xx - self.x * mx, self.xy - self.x * my, self.yy - self.y * my);
-        let (xw, yw, ww) = (self.xw - self.x * mw, self.yw - self.y * mw, self.ww - self.w * mw);
-        let det = xx * yy - xy * xy;
-        if det < 1.0 {
-            return false;
-        }
-        let (a, b) = ((xw * yy - yw * xy) / det, (yw * xx - xw * xy) / det);
-        let freedom = n - 3.0;
-        let excess = ww - a * xw - b * yw - variance * freedom;
-        excess <= 0.0 || excess * excess <= 18.0 * freedom * variance * variance
-    }
+/// Whether the residual of the plane is what a variance of single values explains (chi-square, three standard
+/// deviations). Fewer than 20 readings are no evidence.
+fn is_plane_within(sums: &Sums, variance: f32) -> bool {
+    let freedom = sums.n - 3.0;
+    sums.n >= 20.0
+        && sums.solve().is_some_and(|plane| {
+            let excess = plane.squares - variance * freedom;
+            excess <= 0.0 || excess * excess <= 18.0 * freedom * variance * variance
+        })
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::{MAX_RADIUS, NormalEstimate, facing};
 use crate::ground::math;
+use crate::ground::regression::Sums;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
@@ -99,27 +100,22 @@ impl Patch {
         let [cn, cy, cyy, cw, cyw, cww] = &lanes;
         let total = |column: &[f32; COLUMNS]| column.iter().sum::<f32>();
         let moment = |column: &[f32; COLUMNS]| column.iter().zip(&dx).map(|(v, dx)| v * dx).sum::<f32>();
-        let (n, x, y) = (total(cn), moment(cn), total(cy));
-        let xx = cn.iter().zip(&dx).map(|(n, dx)| n * dx * dx).sum::<f32>();
-        let (xy, yy) = (moment(cy), total(cyy));
-        let (w, xw, yw, ww) = (total(cw), moment(cw), total(cyw), total(cww));
-        if n < 3.0 {
-            return None;
-        }
-        let (mx, my, mw) = (x / n, y / n, w / n);
-        let (xx, xy, yy) = (xx - n * mx * mx, xy - n * mx * my, yy - n * my * my);
-        let (xw, yw, ww) = (xw - n * mx * mw, yw - n * my * mw, ww - n * mw * mw);
-        let det = xx * yy - xy * xy;
-        // Pixel coordinates are integers: below this the pixels lie on a line (zero, but for rounding).
-        if det < 0.5 {
-            return None;
-        }
-        let a = (xw * yy - yw * xy) / det;
-        let b = (yw * xx - xw * xy) / det;
-        let squares = (ww - a * xw - b * yw).max(0.0);
+        let sums = Sums {
+            n: total(cn),
+            x: moment(cn),
+            y: total(cy),
+            w: total(cw),
+            xx: cn.iter().zip(&dx).map(|(n, dx)| n * dx * dx).sum::<f32>(),
+            xy: moment(cy),
+            yy: total(cyy),
+            xw: moment(cw),
+            yw: total(cyw),
+            ww: total(cww),
+        };
+        let plane = sums.solve()?;
         // Three numbers were fitted: n - 3 are left to tell the noise.
-        let rms = math::sqrt(squares / (n - 3.0).max(1.0));
-        Some(Fit { c: mw - a * mx - b * my, a, b, rms, n })
+        let rms = math::sqrt(plane.squares / (sums.n - 3.0).max(1.0));
+        Some(Fit { c: plane.c, a: plane.a, b: plane.b, rms, n: sums.n })
     }
 }
 
