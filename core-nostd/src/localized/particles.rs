@@ -16,6 +16,7 @@ use glam::{Quat, Vec3};
 
 use crate::ground::geometry::{OrientedBox, Ray};
 use crate::ground::math;
+use crate::ground::rotation::{length, rotate, rotate_back, unit};
 use crate::localized::raycast::{RayOutcome, RayParams, cast};
 use crate::sensing::depth::{DepthSample, HolePolicy};
 use crate::sensing::frame::DepthFrame;
@@ -262,7 +263,7 @@ impl Weather {
     fn new(params: &ParticleParams) -> Option<Self> {
         let down = params.down.try_normalize()?;
         let OrientedBox { centre, half, rotation } = params.region;
-        let rotation = rotation.is_finite().then(|| rotation.length()).filter(|l| *l > 0.0).map(|l| rotation / l)?;
+        let rotation = (rotation.is_finite() && length(rotation) > 0.0).then(|| unit(rotation))?;
         let (u, v) = down.any_orthonormal_pair();
         let flutter = params.flutter.max(0.0);
         let weather = Self {
@@ -280,7 +281,7 @@ impl Weather {
     }
 
     fn local(&self, point: Vec3) -> Vec3 {
-        self.region.rotation.conjugate() * (point - self.region.centre)
+        rotate_back(self.region.rotation, point - self.region.centre)
     }
 
     fn inside(&self, point: Vec3) -> bool {
@@ -290,13 +291,13 @@ impl Weather {
 
     fn anywhere(&self, random: &mut Random) -> Vec3 {
         let r = Vec3::new(random.unit(), random.unit(), random.unit()) * 2.0 - 1.0;
-        self.region.centre + self.region.rotation * (r * self.region.half)
+        self.region.centre + rotate(self.region.rotation, r * self.region.half)
     }
 
     /// Where the fall enters the box on its way to a random point of it: every part of the box keeps its share of drops.
     fn respawn(&self, particle: &mut Particle, random: &mut Random) {
         let point = self.anywhere(random);
-        let (p, v) = (self.local(point), self.region.rotation.conjugate() * self.fall);
+        let (p, v) = (self.local(point), rotate_back(self.region.rotation, self.fall));
         let mut back = f32::INFINITY;
         for axis in 0..3 {
             let pick = |v: Vec3| v.to_array().get(axis).copied().unwrap_or(0.0);
@@ -317,6 +318,7 @@ impl Weather {
 /// The walls of the view as planes through the camera, not normalised, facing inwards.
 struct View {
     walls: [Vec3; 5],
+    /// The camera's rotation and place.
     to_camera: (Quat, Vec3),
 }
 
@@ -331,12 +333,13 @@ impl View {
             Vec3::new(0.0, -k.fy(), h as f32 - 0.5 - k.cy()),
             Vec3::Z,
         ];
-        Self { walls, to_camera: (pose.rotation().conjugate(), pose.translation()) }
+        Self { walls, to_camera: (pose.rotation(), pose.translation()) }
     }
 
     /// Whether both ends of a segment lie beyond the same wall. (Some segments that miss are not told: they are cast.)
     fn misses(&self, a: Vec3, b: Vec3) -> bool {
-        let (a, b) = (self.to_camera.0 * (a - self.to_camera.1), self.to_camera.0 * (b - self.to_camera.1));
+        let (turn, place) = self.to_camera;
+        let (a, b) = (rotate_back(turn, a - place), rotate_back(turn, b - place));
         self.walls.iter().any(|wall| wall.dot(a) < 0.0 && wall.dot(b) < 0.0)
     }
 }

@@ -53,6 +53,7 @@ fn pinholes() -> Vec<Row> {
         project.vec2(got);
         let scale = (want - c).abs().max(want.abs());
         project.see(((got.as_dvec2() - want) / scale).abs().max_element() / U, say);
+        round.vec2(got);
         round.see(((got.as_dvec2() - pixel.as_dvec2()) / scale).abs().max_element() / U, say);
 
         let length = ((pixel.as_dvec2() - c) / f).extend(1.0).length();
@@ -215,6 +216,7 @@ fn depths() -> Vec<Row> {
             metres.see(error / U, || format!("{v} of {per_unit} m"));
             let back = u16::from_metres(z, unit);
             let want = if v == u16::MAX { 0 } else { v };
+            steps.bits(u32::from(back));
             steps.see(f64::from(back) - f64::from(want), || format!("{v} of {per_unit} m"));
         }
     }

@@ -4,18 +4,22 @@
 
 use std::path::Path;
 
+mod answers;
 mod cameras;
 mod filters;
 mod poses;
+mod surfaces;
 mod table;
 
 /// What stands above the table.
 const ESSAY: &str = include_str!("essay.md");
 
 fn document() -> String {
-    let sections: [(&str, &[table::Row]); 3] = [
+    let sections: [(&str, &[table::Row]); 5] = [
         ("Cameras and depth values", &cameras::ROWS),
         ("Poses, planes and rays", &poses::ROWS),
+        ("Surfaces", &surfaces::ROWS),
+        ("Answers", &answers::ROWS),
         ("Roots and filters", &filters::ROWS),
     ];
     ESSAY.to_owned() + &table::markdown(&sections)

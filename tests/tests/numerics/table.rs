@@ -120,6 +120,7 @@ pub(crate) fn markdown(sections: &[(&str, &[Row])]) -> String {
             text,
             "\n### {title}\n\n| function | over | worst | bound | unit | at | bits |\n|---|---|---|---|---|---|---|\n"
         );
+        let cell = |s: &str| s.replace('|', "\\|");
         for r in *rows {
             let _ = writeln!(
                 text,
@@ -128,8 +129,8 @@ pub(crate) fn markdown(sections: &[(&str, &[Row])]) -> String {
                 r.over,
                 short(r.worst),
                 short(r.bound),
-                r.unit,
-                r.input,
+                cell(r.unit),
+                cell(&r.input),
                 (r.digest >> 32) ^ (r.digest & 0xffff_ffff)
             );
         }

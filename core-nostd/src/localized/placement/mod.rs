@@ -25,6 +25,7 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 
 use crate::ground::geometry::{OrientedBox, Plane};
 use crate::ground::math;
+use crate::ground::rotation::{rotate, rotate_back};
 use crate::localized::normals::{NormalParams, normal_at};
 use crate::localized::plane::{PlaneEstimate, PlaneSum};
 use crate::sensing::depth::{DepthSample, HolePolicy};
@@ -355,7 +356,7 @@ impl Footprint {
     }
 
     fn at(&self, x: f32, z: f32) -> Vec3 {
-        self.middle + self.rotation * Vec3::new(x * self.half.0, 0.0, z * self.half.1)
+        self.middle + rotate(self.rotation, Vec3::new(x * self.half.0, 0.0, z * self.half.1))
     }
 
     /// The middles of N by N cells.
@@ -368,7 +369,7 @@ impl Footprint {
     fn standing_on(&self, plane: &Plane, size: Vec3) -> OrientedBox {
         let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
         let lowest = corners.iter().fold(0.0_f32, |low, (x, z)| low.min(plane.distance(self.at(*x, *z))));
-        let up = self.rotation * Vec3::Y;
+        let up = rotate(self.rotation, Vec3::Y);
         OrientedBox { centre: self.middle + up * (0.5 * size.y - lowest), half: 0.5 * size, rotation: self.rotation }
     }
 }
@@ -393,12 +394,12 @@ fn check_room<D: DepthSample>(
         farthest = farthest.max(corner.z);
     }
     // From here on in the box's own axes, in parts of its half size: the box is the cube from -1 to 1.
-    let to_box = room.rotation.conjugate();
-    let eye = to_box * (pose.translation() - room.centre) / room.half;
+    let to_box = |v: Vec3| rotate_back(room.rotation, v) / room.half;
+    let eye = to_box(pose.translation() - room.centre);
     // The ray of a pixel, and where it leaves the box.
     let through_box = |x: usize, y: usize| {
         let way = pose.direction_to_world(frame.intrinsics().ray(Vec2::new(x as f32, y as f32)));
-        leaves_cube(eye, to_box * way / room.half).map(|z| (way, z))
+        leaves_cube(eye, to_box(way)).map(|z| (way, z))
     };
     let tiles = || {
         let columns = low.0 / FINEST_TILE..=high.0 / FINEST_TILE;
