@@ -435,3 +435,26 @@ fn frames_with_poses_share_one_world() {
     assert_eq!(broken.status.code(), Some(1));
     assert!(stderr(&broken).contains("00002.pgm"), "{}", stderr(&broken));
 }
+
+#[test]
+fn the_bench_says_how_long_and_how_wrong() {
+    let folder = Folder::new();
+    let out = folder.path("bench");
+    let args = ["bench", "--quick", "--filter", "pyramid", "--size", "64x48", "--out", &out];
+    let text = stdout(&isobath(&args));
+    assert!(
+        text.contains("PYRAMID")
+            && text.contains("ns/pixel")
+            && text.lines().all(|l| l.starts_with("wrote") || l.chars().count() <= 80)
+    );
+    for file in ["bench.html", "bench.csv", "bench.json"] {
+        assert!(fs::metadata(Path::new(&out).join(file)).is_ok_and(|m| m.len() > 100), "{file}");
+    }
+    let answer = json(&args);
+    let results = answer["results"].as_array().expect("results");
+    assert_eq!(results.len(), 6, "three scenes, two sensors");
+    assert!(results.iter().all(|r| number(&r["errors"]["wrong_per_1000"]) == 0.0 && number(&r["best_ns"]) > 0.0));
+    let refused = isobath(&["bench", "--filter", "nonsense"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("raycast"), "{}", stderr(&refused));
+}

@@ -83,32 +83,23 @@ fn sentence(text: &str) -> String {
     chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())
 }
 
+/// One line a sensor and method.
 fn table(report: &Report, row: &Row, size: (usize, usize)) -> Option<Table> {
-    let mut header = vec!["method".to_owned()];
-    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut header = vec!["sensor: method".to_owned(), format!("ns/{}", row.unit)];
+    header.extend(row.errors.iter().map(|m| format!("{} {}", m.name, m.unit)));
+    let mut rows = Vec::new();
     for &sensor in row.sensors {
         let means = report.means(row, sensor, size, None);
-        if means.is_empty() {
-            continue;
-        }
-        header.push(format!("{}: ns/{}", sensor.label(), row.unit));
-        header.extend(row.errors.iter().map(|m| format!("{} {}", m.name, m.unit)));
-        for (i, mean) in means.iter().enumerate() {
-            if rows.len() <= i {
-                rows.push(vec![mean.method.clone()]);
-            }
-            let star = if mean.front && means.len() > 1 { " *" } else { "" };
-            rows[i].push(format!("{}{star}", number(mean.time)));
-            rows[i].extend(mean.errors.iter().map(|&e| number(e)));
+        for mean in &means {
+            let star = if mean.front && means.len() > 1 { "* " } else { "" };
+            let name = format!("{}: {}", sensor.label(), mean.method);
+            let cells = [name, format!("{star}{}", number(mean.time))];
+            rows.push(cells.into_iter().chain(mean.errors.iter().map(|&e| number(e))).collect());
         }
     }
     let notes: Vec<String> = row.errors.iter().map(|m| format!("{}: {}", m.name, m.what)).collect();
-    (!rows.is_empty()).then(|| Table {
-        title: format!("{}, {}x{}", row.title, size.0, size.1),
-        note: format!("{}.", notes.join("; ")),
-        header,
-        rows,
-    })
+    let title = format!("{}, {}x{}", row.title, size.0, size.1);
+    (!rows.is_empty()).then(|| Table { title, note: format!("{}.", notes.join("; ")), header, rows })
 }
 
 fn skips(report: &Report, page: &mut Page) {
@@ -122,7 +113,7 @@ fn skips(report: &Report, page: &mut Page) {
         value: format!("{different} of {queries}"),
         detail: "compared to the last bit; must be 0".into(),
     });
-    let header = ["feature, scene", "size", "skipped", "full ns", "skipping ns", "speed-up", "different"];
+    let header = ["feature: scene", "size", "skipped", "full ns", "skip ns", "speed-up", "different"];
     let mut sorted: Vec<_> = report.skips.iter().collect();
     sorted.sort_by_key(|s| (s.feature, s.size));
     page.tables.push(Table {
