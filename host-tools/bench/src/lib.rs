@@ -1,6 +1,6 @@
 //! The bench: run time **and** error of everything isobath answers, side by side.
 //!
-//! A claim of speed that does not say what it costs in error is no claim. Here each capability is one [`Row`]: methods x
+//! A claim of speed that does not say what it costs in error is no claim. Here each capability is one [`Row`](row::Row): methods x
 //! knobs, measured on the same simulated frames with known truth, over scenes, sensors and resolutions, alternating in one
 //! process. Of each comparison the Pareto front is marked: the methods that no other beats in both time and error.
 //!
@@ -18,7 +18,7 @@
 //! | [`report`] | what came out, and its four forms |
 //!
 //! # A new row
-//! A function that lists methods for an input, and a [`Row`] that names the units; the row goes into `rows::ALL`:
+//! A function that lists methods for an input, and a [`Row`](row::Row) that names the units; the row goes into `rows::ALL`:
 //!
 //! ```
 //! use isobath_bench::input::{Input, Sensor};
