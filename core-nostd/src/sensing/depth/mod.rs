@@ -140,8 +140,12 @@ impl DepthSample for f32 {
     const ROUNDING: Self = 0.0;
 
     #[inline(always)]
+    #[expect(
+        clippy::manual_range_contains,
+        reason = "its `&&` keeps loops over rows from vectorising: 6.3 against 4.9 ns a pixel"
+    )]
     fn is_valid(self) -> bool {
-        (1e-12..=1e12).contains(&self)
+        (self >= 1e-12) & (self <= 1e12)
     }
 
     #[inline(always)]
