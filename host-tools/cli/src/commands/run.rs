@@ -12,7 +12,8 @@ use crate::args::RunArgs;
 use crate::failure::{Failure, Outcome};
 use crate::files;
 use crate::pipeline::{Findings, Memory, Pipeline, World, lay_grid};
-use crate::report::run::{Drawings, Overview, Stats};
+use crate::report::drawings::Drawings;
+use crate::report::run::{Overview, Stats};
 use crate::say::Say;
 use crate::source::{Source, Up};
 
