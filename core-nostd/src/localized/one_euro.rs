@@ -116,55 +116,38 @@ pub trait Signal: Copy + fmt::Debug + PartialEq + sealed::Sealed {
     fn size(rate: Self::Rate) -> f32;
 }
 
-impl Signal for f32 {
-    type Rate = Self;
-    const STILL: Self = 0.0;
+/// Signals that add up: the way is the difference.
+macro_rules! additive {
+    ($signal:ty, still: $still:expr, size: $size:ident) => {
+        impl Signal for $signal {
+            type Rate = Self;
+            const STILL: Self = $still;
 
-    fn sane(self) -> Option<Self> {
-        self.is_finite().then_some(self)
-    }
-    fn way(self, to: Self) -> Self {
-        to - self
-    }
-    fn moved(self, step: Self) -> (Self, Self) {
-        let there = self + step;
-        (there, step - (there - self))
-    }
-    fn blend(from: Self, way: Self, scale: f32, share: f32) -> Self {
-        from + (way * scale - from) * share
-    }
-    fn add_scaled(a: Self, b: Self, share: f32) -> Self {
-        a + b * share
-    }
-    fn size(rate: Self) -> f32 {
-        rate.abs()
-    }
+            fn sane(self) -> Option<Self> {
+                self.is_finite().then_some(self)
+            }
+            fn way(self, to: Self) -> Self {
+                to - self
+            }
+            fn moved(self, step: Self) -> (Self, Self) {
+                let there = self + step;
+                (there, step - (there - self))
+            }
+            fn blend(from: Self, way: Self, scale: f32, share: f32) -> Self {
+                from + (way * scale - from) * share
+            }
+            fn add_scaled(a: Self, b: Self, share: f32) -> Self {
+                a + b * share
+            }
+            fn size(rate: Self) -> f32 {
+                rate.$size()
+            }
+        }
+    };
 }
 
-impl Signal for Vec3 {
-    type Rate = Self;
-    const STILL: Self = Self::ZERO;
-
-    fn sane(self) -> Option<Self> {
-        self.is_finite().then_some(self)
-    }
-    fn way(self, to: Self) -> Self {
-        to - self
-    }
-    fn moved(self, step: Self) -> (Self, Self) {
-        let there = self + step;
-        (there, step - (there - self))
-    }
-    fn blend(from: Self, way: Self, scale: f32, share: f32) -> Self {
-        from + (way * scale - from) * share
-    }
-    fn add_scaled(a: Self, b: Self, share: f32) -> Self {
-        a + b * share
-    }
-    fn size(rate: Self) -> f32 {
-        rate.length()
-    }
-}
+additive!(f32, still: 0.0, size: abs);
+additive!(Vec3, still: Self::ZERO, size: length);
 
 impl Signal for Quat {
     type Rate = Vec3;

@@ -269,11 +269,7 @@ impl<'a, D: DepthSample> TileMap<'a, D> {
         let Some(first) = first else {
             return Tile::EMPTY;
         };
-        let unit = frame.unit();
-        let w = first + sums.w / sums.n;
-        let per_metre = w * w / unit.metres();
-        let rounding = 3e-7 * w;
-        let variance = noise.variance::<D>(unit.metres() / w, unit) * per_metre * per_metre + rounding * rounding;
+        let variance = noise.inverse_variance::<D>(first + sums.w / sums.n, frame.unit());
         if is_plane_within(&sums, variance) { Tile::FLAT } else { 0 }
     }
 }

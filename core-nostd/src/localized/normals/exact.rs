@@ -10,7 +10,7 @@ use crate::sensing::frame::DepthFrame;
 /// that no comparison meets a NaN (which would cost a select each).
 pub(super) const HOLE: f32 = 1e30;
 /// Inverse depths and their differences below this are real.
-const REAL: f32 = 1e20;
+pub(super) const REAL: f32 = 1e20;
 
 /// Slope of inverse depth along one axis, and the second difference of the three pixels it was taken from.
 #[derive(Debug, Clone, Copy)]

@@ -45,6 +45,16 @@ impl DepthNoise {
         let rounding = unit.metres() * D::ROUNDING;
         model * model + rounding * rounding
     }
+
+    /// Variance of inverse depth around `w`, both in inverse units (1 / value): dw = w² dz / unit; never below what `f32`
+    /// itself rounds. Plain arithmetic, for loops.
+    #[inline(always)]
+    #[must_use]
+    pub(crate) fn inverse_variance<D: DepthSample>(&self, w: f32, unit: DepthUnit) -> f32 {
+        let per_metre = w * w / unit.metres();
+        let floor = 3e-7 * w;
+        self.variance::<D>(unit.metres() / w, unit) * per_metre * per_metre + floor * floor
+    }
 }
 
 impl Default for DepthNoise {

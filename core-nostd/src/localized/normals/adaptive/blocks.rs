@@ -2,7 +2,7 @@
 
 use super::Context;
 use crate::ground::lanes::{LANES, Lanes};
-use crate::localized::normals::exact::{HOLE, inverse};
+use crate::localized::normals::exact::{HOLE, REAL, inverse};
 use crate::sensing::depth::DepthSample;
 
 /// Numbers kept per block.
@@ -104,7 +104,7 @@ pub(super) fn fill<D: DepthSample, const B: usize>(
         for (j, line) in rows.iter().enumerate() {
             let dy = j as i32 as f32 - half;
             let value = read(line, first);
-            let real = value.below(Lanes::splat(1e20));
+            let real = value.below(Lanes::splat(REAL));
             let d = (value - reference) * real;
             n += real;
             y += real * dy;
@@ -198,7 +198,7 @@ fn solve<D: DepthSample, const B: usize>(
     let b = (yw * xx - xw * xy) * inv_det;
     let residual = ww - a * xw - b * yw;
     let mean = reference + mw;
-    let variance = mean.map(|w| context.variance(w));
+    let variance = mean.map(|w| context.noise.inverse_variance::<D>(w, context.frame.unit()));
     // Chi-square has mean f and variance 2 f: three standard deviations above the mean.
     let freedom = n - Lanes::splat(3.0);
     let excess = (residual - variance * freedom).map(|e| e.max(0.0));

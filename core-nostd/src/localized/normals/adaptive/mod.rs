@@ -14,7 +14,7 @@
 //!
 //! Block sums cost the same whatever the block, so the window's width is free. Each normal comes with its predicted error.
 //!
-//! Memory: [`scratch_len`] floats, a few rows (39 kB at 640 pixels of width, 10 kB at 160, 8 x 8 blocks). Cost and error:
+//! Memory: [`scratch_len`] floats, a few rows (48 kB at 640 pixels of width, 14 kB at 160, whatever the block size). Cost and error:
 //! see the README's figures and `cargo bench`.
 
 mod blocks;
@@ -70,6 +70,11 @@ pub struct AdaptiveRow<'a> {
 }
 
 /// Floats of scratch that [`rows`] needs for images of this width, whatever the block size.
+///
+/// ```
+/// use isobath::localized::normals::adaptive::scratch_len;
+/// assert_eq!([160, 640].map(|width| scratch_len(width) * 4), [13_688, 47_768]); // bytes
+/// ```
 #[must_use]
 pub const fn scratch_len(width: usize) -> usize {
     // The 4 x 4 case needs the most.
@@ -86,8 +91,8 @@ const fn cells(across: usize) -> usize {
 
 const fn scratch_for(width: usize, block: usize) -> usize {
     let blocks = cells(width.div_ceil(block));
-    let padded = width.saturating_add(16);
-    padded.saturating_mul(1 + OUTPUTS).saturating_add(blocks.saturating_mul(1 + ROWS * (BLOCK_FIELDS + WINDOW_FIELDS)))
+    let padded = width.saturating_add(LANES);
+    padded.saturating_mul(OUTPUTS).saturating_add(blocks.saturating_mul(1 + ROWS * (BLOCK_FIELDS + WINDOW_FIELDS)))
 }
 
 /// Estimates every normal and hands each row, top to bottom, to `each(y, row)`. Returns pixels done (with a reading) and
@@ -172,18 +177,6 @@ struct Context<'f, 'd, D: DepthSample> {
     height: usize,
     /// Blocks across.
     across: usize,
-}
-
-impl<D: DepthSample> Context<'_, '_, D> {
-    /// Variance of inverse depth (in inverse units) around `w`.
-    #[inline(always)]
-    fn variance(&self, w: f32) -> f32 {
-        let unit = self.frame.unit();
-        // dw = unit dz / z² = w² dz / unit; never below what f32 itself rounds.
-        let per_metre = w * w / unit.metres();
-        let floor = 3e-7 * w;
-        self.noise.variance::<D>(unit.metres() / w, unit) * per_metre * per_metre + floor * floor
-    }
 }
 
 /// Block row k is summed, then the windows of row k - 1 are joined, then the pixels of row k - 2 are answered.

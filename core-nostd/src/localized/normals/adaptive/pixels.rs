@@ -5,6 +5,7 @@ use super::windows::WindowRow;
 use super::{AdaptiveRow, Context};
 use crate::ground::lanes::{LANES, Lanes};
 use crate::ground::math;
+use crate::localized::normals::exact::REAL;
 use crate::localized::normals::{NormalParams, normal_at};
 use crate::sensing::depth::DepthSample;
 use crate::skipping::Work;
@@ -37,7 +38,7 @@ pub(super) fn answer<D: DepthSample, const B: usize>(
         for first in (0..width).step_by(LANES) {
             let field = |field: &[f32]| spread::<B>(field, first);
             let w = read(line, first);
-            let real = w.below(Lanes::splat(1e20));
+            let real = w.below(Lanes::splat(REAL));
             done += real;
             let dx = offsets::<B>(first);
             let off = (field(middle.c) + field(middle.b) * dy + field(middle.a) * dx - w).map(f32::abs);
