@@ -6,6 +6,18 @@
 
 use core::ops::{Add, AddAssign, Mul, Neg, Sub};
 
+/// Runs a kernel, compiled twice with the feature `simd`: for the target's baseline, and on x86 for AVX2, which it runs on where
+/// the machine has it. The same source in the same order, nothing fused: the same bits. Without the feature, as on devices,
+/// this is the call itself. What `kernel` calls must be `#[inline(always)]` to be compiled along.
+#[inline(always)]
+pub(crate) fn vectorised<R>(kernel: impl FnOnce() -> R) -> R {
+    #[cfg(all(feature = "simd", any(target_arch = "x86", target_arch = "x86_64")))]
+    if let Some(avx2) = fearless_simd::Level::new().as_avx2() {
+        return fearless_simd::Simd::vectorize(avx2, kernel);
+    }
+    kernel()
+}
+
 /// Numbers in a [`Lanes`].
 pub(crate) const LANES: usize = 8;
 
@@ -85,6 +97,24 @@ impl Lanes {
     #[inline(always)]
     pub(crate) fn inv_sqrt(self) -> Self {
         self.map(super::math::inv_sqrt)
+    }
+
+    /// As [`inv_sqrt_fast`](super::math::inv_sqrt_fast).
+    #[inline(always)]
+    pub(crate) fn inv_sqrt_fast(self) -> Self {
+        self.map(super::math::inv_sqrt_fast)
+    }
+
+    /// The larger of each two.
+    #[inline(always)]
+    pub(crate) fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+
+    /// Whether none is 0 (of a mask: all 1).
+    #[inline(always)]
+    pub(crate) fn all(self) -> bool {
+        self.0.iter().fold(u32::MAX, |all, v| all & v.to_bits()) != 0
     }
 
     /// Whether any is not 0.

@@ -17,18 +17,26 @@ pub(super) const REAL: f32 = 1e20;
 pub(super) struct Slope {
     /// Change of inverse depth per pixel; at least [`REAL`] in size when no neighbour has a reading.
     pub(super) value: f32,
-    /// Size of the second difference of inverse depth; 0 when only two pixels have readings.
+    /// Size of the second difference of inverse depth; 0 when it was taken from two pixels.
     pub(super) curvature: f32,
-    /// Readings besides the centre: 2, or 1 when only two pixels have readings.
+    /// Readings besides the centre: 2, or 1 when it was taken from two pixels.
     pub(super) taps: f32,
+}
+
+/// The largest second difference, as a share of inverse depth, that three pixels on one surface have, at a focal length in
+/// pixels: a surface faced head-on that turns by 45 degrees from one pixel to the next. More is an edge.
+#[inline(always)]
+pub(super) fn turn(focal: f32) -> f32 {
+    1.0 / focal.abs()
 }
 
 /// Slope at the middle of five inverse depths in a line.
 ///
 /// Three candidates: the last three, the middle three, the next three pixels. The one whose second difference is smallest
-/// lies on one surface, and a parabola through it has this slope.
+/// lies on one surface, and a parabola through it has this slope. Where all three cross an edge ([`turn`]), as on things two
+/// pixels wide, the nearer neighbour alone tells.
 #[inline(always)]
-pub(super) fn slope(l2: f32, l1: f32, c: f32, r1: f32, r2: f32) -> Slope {
+pub(super) fn slope(l2: f32, l1: f32, c: f32, r1: f32, r2: f32, turn: f32) -> Slope {
     let (l, r) = (c - l1, r1 - c);
     let before = l - (l1 - l2);
     let after = (r2 - r1) - r;
@@ -37,9 +45,8 @@ pub(super) fn slope(l2: f32, l1: f32, c: f32, r1: f32, r2: f32) -> Slope {
     let right = after.abs() < bend.abs();
     bend = if right { -after } else { bend };
     let base = if right { r } else { l };
-    // Where no three have readings, the nearer of the two neighbours.
     let pair = if l.abs() < r.abs() { l } else { r };
-    let three = bend.abs() < REAL;
+    let three = bend.abs() < c * turn;
     Slope {
         value: if three { base + 0.5 * bend } else { pair },
         curvature: if three { bend.abs() } else { 0.0 },
@@ -65,9 +72,9 @@ pub(super) fn at<D: DepthSample>(frame: &DepthFrame<'_, D>, x: usize, y: usize) 
     let (xi, yi) = (i32::try_from(x).ok()?, i32::try_from(y).ok()?);
     let w = |dx: i32, dy: i32| depth.get_signed(xi + dx, yi + dy).map_or(HOLE, inverse);
     let c = w(0, 0);
-    let h = slope(w(-2, 0), w(-1, 0), c, w(1, 0), w(2, 0));
-    let v = slope(w(0, -2), w(0, -1), c, w(0, 1), w(0, 2));
     let k = frame.intrinsics();
+    let h = slope(w(-2, 0), w(-1, 0), c, w(1, 0), w(2, 0), turn(k.fx()));
+    let v = slope(w(0, -2), w(0, -1), c, w(0, 1), w(0, 2), turn(k.fy()));
     if !is_real(c, h, v) {
         return None;
     }

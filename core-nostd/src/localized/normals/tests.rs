@@ -1,4 +1,4 @@
-use super::dense::{planes, rows, scratch_len};
+use super::dense::{planes, rows, rows_with_fit, scratch_len};
 use super::*;
 use crate::ground::image::{ImageView, ImageViewMut};
 use crate::sensing::camera::Intrinsics;
@@ -211,9 +211,9 @@ proptest! {
         let frame = DepthFrame::new(ImageView::new(&data, w, h).unwrap(), DepthUnit::MILLIMETRE, k);
         let params = [NormalParams::default(), NormalParams::PAPER, NormalParams { radius: 2, ..NormalParams::default() }][method];
         let mut scratch = vec![0.0; scratch_len(w)];
-        let work = rows(&frame, &params, &mut scratch, |y, row| {
+        let work = rows_with_fit(&frame, &params, &mut scratch, |y, row, fit| {
             for x in 0..w {
-                let dense = [row.x[x], row.y[x], row.z[x], row.residual[x], row.support[x]];
+                let dense = [row.x[x], row.y[x], row.z[x], fit.residual[x], fit.support[x]];
                 match normal_at(&frame, x, y, &params) {
                     Some(e) => {
                         assert_eq!([e.normal.x, e.normal.y, e.normal.z, e.residual, f32::from(e.support)], dense, "{x},{y}");

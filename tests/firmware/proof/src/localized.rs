@@ -65,8 +65,8 @@ pub(crate) fn exercise(frame: &DepthFrame<'_>, pyramid: &Pyramid<'_>, ray: Vec3,
     // Normals, of a point and of every pixel, by both methods.
     for params in [NormalParams::default(), NormalParams::POINT, NormalParams::PAPER].map(black_box) {
         add(normal_at(frame, black_box(80), black_box(60), &params).is_some());
-        let facing = dense::rows(frame, &params, &mut memory.normals, |_, row| {
-            black_box((row.x, row.y, row.z, row.residual));
+        let facing = dense::rows_with_fit(frame, &params, &mut memory.normals, |_, row, fit| {
+            black_box((row.x, row.y, row.z, fit.residual, fit.support));
         });
         add(facing.is_ok());
     }

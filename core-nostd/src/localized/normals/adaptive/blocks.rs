@@ -46,17 +46,20 @@ impl<'a> BlockRow<'a> {
         }
     }
 
+    #[inline(always)]
     pub(super) fn clear(&mut self) {
         for field in self.fields() {
             field.fill(0.0);
         }
     }
 
+    #[inline(always)]
     fn fields(&mut self) -> [&mut [f32]; BLOCK_FIELDS] {
         [self.n, self.x, self.y, self.xx, self.xy, self.yy, self.c, self.a, self.b, self.q]
     }
 
     /// Adds to one block's raw sums.
+    #[inline(always)]
     fn add(&mut self, i: usize, v: [f32; BLOCK_FIELDS]) {
         for (field, value) in self.fields().into_iter().zip(v) {
             if let Some(cell) = field.get_mut(i) {
@@ -84,6 +87,7 @@ impl<'a> BlockRow<'a> {
 }
 
 /// Sums the `row`th row of blocks and fits each.
+#[inline(always)]
 pub(super) fn fill<D: DepthSample, const B: usize>(
     context: &Context<'_, '_, D>,
     row: usize,
@@ -100,6 +104,23 @@ pub(super) fn fill<D: DepthSample, const B: usize>(
         let reference: [f32; LANES] =
             core::array::from_fn(|i| references.get((first + i) / B + 1).copied().unwrap_or(0.0));
         let reference = Lanes(reference);
+        let [mut w, mut yw, mut ww, mut worst] = [Lanes::ZERO; 4];
+        for (j, line) in rows.iter().enumerate() {
+            let dy = j as i32 as f32 - half;
+            let value = read(line, first);
+            worst = worst.max(value);
+            let d = value - reference;
+            w += d;
+            yw += d * dy;
+            ww += d * d;
+        }
+        if worst.below(Lanes::splat(REAL)).all() {
+            // Without holes the moments of position are known.
+            let n = Lanes::splat(B as f32);
+            let yy = Lanes::splat((B * (B * B - 1)) as f32 / 12.0);
+            add_columns::<B>(out, first, [n, Lanes::ZERO, yy, w, yw, ww]);
+            continue;
+        }
         let [mut n, mut y, mut yy, mut w, mut yw, mut ww] = [Lanes::ZERO; 6];
         for (j, line) in rows.iter().enumerate() {
             let dy = j as i32 as f32 - half;
@@ -124,16 +145,13 @@ pub(super) fn fill<D: DepthSample, const B: usize>(
 #[inline(always)]
 pub(super) fn read<D: DepthSample>(line: &[D], first: usize) -> Lanes {
     let rest = line.get(first..).unwrap_or(&[]);
+    let mut out = [HOLE; LANES];
     match rest.first_chunk::<LANES>() {
-        Some(values) => Lanes(values.map(inverse)),
-        None => {
-            let mut out = [HOLE; LANES];
-            for (w, &value) in out.iter_mut().zip(rest) {
-                *w = inverse(value);
-            }
-            Lanes(out)
-        }
+        // The same loop twice: of known length here, which the compiler turns into vectors.
+        Some(values) => out.iter_mut().zip(values).for_each(|(w, &value)| *w = inverse(value)),
+        None => out.iter_mut().zip(rest).for_each(|(w, &value)| *w = inverse(value)),
     }
+    Lanes(out)
 }
 
 /// Offsets of eight columns from the middles of their blocks; `first` is a multiple of eight.
@@ -162,6 +180,7 @@ fn add_columns<const B: usize>(out: &mut BlockRow<'_>, first: usize, [n, y, yy, 
 
 /// A value near each block's inverse depths, subtracted before summing so that squares keep their digits: the middle
 /// pixel's, or any reading's.
+#[inline(always)]
 fn set_references<D: DepthSample, const B: usize>(context: &Context<'_, '_, D>, row: usize, references: &mut [f32]) {
     let depth = context.frame.depth();
     for (i, cell) in references.iter_mut().skip(1).take(context.across).enumerate() {

@@ -9,36 +9,43 @@
 //! 2. *Windows* (`windows`): each block joins those of its eight neighbours whose planes agree with its own within
 //!    the noise (in value half way between them, and in slope): up to 3 x 3 blocks, cut at edges, creases and holes.
 //! 3. *Pixels* (`pixels`): a pixel takes its block's window when it lies on that plane within the noise, else the best of
-//!    the neighbours': pixels beside an edge go to their own side, whichever block they fall in. What lies on none (thin things)
-//!    is fitted on its own.
+//!    the neighbours': pixels beside an edge go to their own side, whichever block they fall in. Slopes run smoothly from
+//!    window to window of the same surface. What lies on none (thin things) is fitted on its own (`lone`).
 //!
 //! Block sums cost the same whatever the block, so the window's width is free. Each normal comes with its predicted error.
+//! Depth without noise needs none of this: there the automatic choice is the exact method's cross.
 //!
-//! Memory: [`scratch_len`] floats, a few rows (48 kB at 640 pixels of width, 14 kB at 160, whatever the block size). Cost and error:
+//! Memory: [`scratch_len`] floats, a few rows (51 kB at 640 pixels of width, 15 kB at 160, whatever the block size). Cost and error:
 //! see the README's figures and `cargo bench`.
 
 mod blocks;
+mod cross;
+mod lone;
 mod pixels;
 #[cfg(test)]
 mod tests;
 mod windows;
 
 use super::dense::DenseError;
-use crate::ground::lanes::LANES;
+use crate::ground::lanes::{LANES, vectorised};
 use crate::ground::math;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::depth::noise::DepthNoise;
 use crate::sensing::frame::DepthFrame;
 use crate::skipping::Work;
 use blocks::{BLOCK_FIELDS, BlockRow};
+use pixels::{BEND_FIELDS, Bends};
 use windows::{WINDOW_FIELDS, WindowRow};
 
 /// Side of the blocks, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum BlockSize {
-    /// From the noise at the image's middle depth: the smallest that keeps the predicted error under 1 degree.
+    /// From the noise at the image's mean depth: the smallest that keeps the predicted error low (under 0.1 degrees for
+    /// [`Self::One`], 1 for [`Self::Four`], 4 for [`Self::Eight`]).
     #[default]
     Auto,
+    /// No blocks: the cross of five pixels of the exact method, for depth without noise.
+    One,
     /// 4 x 4: windows up to 12 pixels, for millimetre sensors.
     Four,
     /// 8 x 8: windows up to 24 pixels, for structured light and stereo.
@@ -73,7 +80,7 @@ pub struct AdaptiveRow<'a> {
 ///
 /// ```
 /// use isobath::localized::normals::adaptive::scratch_len;
-/// assert_eq!([160, 640].map(|width| scratch_len(width) * 4), [13_688, 47_768]); // bytes
+/// assert_eq!([160, 640].map(|width| scratch_len(width) * 4), [14_688, 51_168]); // bytes
 /// ```
 #[must_use]
 pub const fn scratch_len(width: usize) -> usize {
@@ -92,7 +99,8 @@ const fn cells(across: usize) -> usize {
 const fn scratch_for(width: usize, block: usize) -> usize {
     let blocks = cells(width.div_ceil(block));
     let padded = width.saturating_add(LANES);
-    padded.saturating_mul(OUTPUTS).saturating_add(blocks.saturating_mul(1 + ROWS * (BLOCK_FIELDS + WINDOW_FIELDS)))
+    let fields = 1 + BEND_FIELDS + ROWS * (BLOCK_FIELDS + WINDOW_FIELDS);
+    padded.saturating_mul(OUTPUTS).saturating_add(blocks.saturating_mul(fields))
 }
 
 /// Estimates every normal and hands each row, top to bottom, to `each(y, row)`. Returns pixels done (with a reading) and
@@ -125,6 +133,7 @@ pub fn rows<D: DepthSample>(
         return Err(DenseError::Scratch { needed, got });
     };
     Ok(match resolve(frame, params) {
+        BlockSize::One => cross::rows(frame, &params.noise, scratch, each)?,
         BlockSize::Four => run::<D, 4>(frame, &params.noise, scratch, each),
         BlockSize::Auto | BlockSize::Eight => run::<D, 8>(frame, &params.noise, scratch, each),
         BlockSize::Sixteen => run::<D, 16>(frame, &params.noise, scratch, each),
@@ -157,10 +166,14 @@ pub fn resolve<D: DepthSample>(frame: &DepthFrame<'_, D>, params: &AdaptiveParam
     let f = 0.5 * (k.fx().abs() + k.fy().abs());
     // A 3 x 3 window of blocks of side b holds n = 9 b² pixels of coordinate variance (9 b² - 1) / 12: its slope's standard
     // deviation is sigma_w / sqrt(n var), and the normal's is f z times that.
-    let sigma_w = params.noise.sigma::<D>(z, frame.unit()) / (z * z);
+    // In the unit of 1 / value, then in 1 / m.
+    let unit = frame.unit();
+    let sigma_w = math::sqrt(params.noise.inverse_variance::<D>(unit.metres() / z, unit)) / unit.metres();
     let error = |b: f32| f * z * sigma_w / math::sqrt(9.0 * b * b * (9.0 * b * b - 1.0) / 12.0);
     const ONE_DEGREE: f32 = 0.017_45;
-    if error(4.0) < ONE_DEGREE {
+    if f * z * sigma_w < 0.1 * ONE_DEGREE {
+        BlockSize::One
+    } else if error(4.0) < ONE_DEGREE {
         BlockSize::Four
     } else if error(8.0) < 4.0 * ONE_DEGREE {
         BlockSize::Eight
@@ -195,6 +208,8 @@ fn run<D: DepthSample, const B: usize>(
     rest.fill(0.0);
     let cells = cells(across);
     let (references, rest) = rest.split_at_mut_checked(cells).unwrap_or_default();
+    let (bends, rest) = rest.split_at_mut_checked(cells * BEND_FIELDS).unwrap_or_default();
+    let mut bends = Bends::new(bends, cells);
     let (block_cells, window_cells) = rest.split_at_mut_checked(cells * ROWS * BLOCK_FIELDS).unwrap_or_default();
     let mut block_chunks = block_cells.chunks_mut((cells * BLOCK_FIELDS).max(1));
     let mut window_chunks = window_cells.chunks_mut((cells * WINDOW_FIELDS).max(1));
@@ -222,7 +237,11 @@ fn run<D: DepthSample, const B: usize>(
         }
         if let Some(row) = step.checked_sub(2) {
             let [above, middle, below] = &window_ring;
-            pixels::answer::<D, B>(&context, row, [above, middle, below], outputs, &mut work, &mut each);
+            let windows = [above, middle, below];
+            vectorised(
+                #[inline(always)]
+                || pixels::answer::<D, B>(&context, row, windows, &mut bends, outputs, &mut work, &mut each),
+            );
         }
     }
     work.skipped = (width * height) as u32 - work.done;
