@@ -127,7 +127,7 @@ fn impossible_options_are_refused() {
     for (options, word) in [
         (SimOptions { size: (0, 5), ..base.clone() }, "0x5"),
         (SimOptions { colour_size: Some((0, 0)), ..base.clone() }, "colour"),
-        (SimOptions { field_of_view: 4.0, ..base.clone() }, "field of view"),
+        (SimOptions { field_of_view: Some(4.0), ..base.clone() }, "field of view"),
         (SimOptions { frame_rate: 0.0, ..base.clone() }, "frames a second"),
         (SimOptions { unit: Some(0.0), ..base.clone() }, "0.001"),
         (SimOptions { place: Some("attic".into()), ..base.clone() }, "its places are"),
