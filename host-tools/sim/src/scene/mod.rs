@@ -139,6 +139,20 @@ impl Scene {
         &self.places
     }
 
+    /// The same scene with one more place, or one moved: where its light is asked for, at any point (metres).
+    ///
+    /// # Errors
+    /// [`SimError::Option`] when the point is not finite.
+    pub fn with_place(mut self, name: &str, at: V3) -> Result<Self, SimError> {
+        if !at.is_finite() {
+            return Err(SimError::option(format!(
+                "the place {name:?} is at {at:?}; give three finite numbers in metres"
+            )));
+        }
+        self.places.insert(name.to_owned(), at);
+        Ok(self)
+    }
+
     /// Names of the segments; segment id n (from 1) is the n-th of these, 0 is nothing.
     #[must_use]
     pub fn segments(&self) -> &[String] {
