@@ -4,6 +4,12 @@
 
 use std::path::Path;
 
+use isobath::ground::image::ImageView;
+use isobath::localized::normals::NormalParams;
+use isobath::localized::normals::dense::{rows, scratch_len};
+use isobath::sensing::camera::Intrinsics;
+use isobath::sensing::depth::DepthUnit;
+use isobath::sensing::frame::DepthFrame;
 use isobath_sim::{GroundTruth, Rigid, Scene, SimCamera, SimOptions, Simulation, V3};
 
 const SIZE: (usize, usize) = (640, 480);
@@ -23,9 +29,9 @@ fn normal(truth: &GroundTruth, i: usize) -> V3 {
 fn pairs(truth: &GroundTruth) -> impl Iterator<Item = (usize, usize)> + '_ {
     let on = |i: usize| truth.z[i] > 0.0;
     let inner = move |i: usize| i % SIZE.0 + 1 < SIZE.0 && i / SIZE.0 + 1 < SIZE.1;
-    (0..truth.z.len()).filter(move |&i| inner(i) && on(i)).flat_map(move |i| {
-        [(i, i + 1), (i, i + SIZE.0)].into_iter().filter(move |(_, j)| on(*j))
-    })
+    (0..truth.z.len())
+        .filter(move |&i| inner(i) && on(i))
+        .flat_map(move |i| [(i, i + 1), (i, i + SIZE.0)].into_iter().filter(move |(_, j)| on(*j)))
 }
 
 #[test]
@@ -35,7 +41,8 @@ fn they_are_seen_as_the_published_frames_are_and_grow_harder() {
         let (camera, truth) = look(name);
         assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (1400.0, 1380.0, 349.5, 249.5));
         let seen = truth.z.iter().filter(|z| **z > 0.0).count();
-        let (low, high) = truth.z.iter().filter(|z| **z > 0.0).fold((f64::MAX, 0.0_f64), |(l, h), &z| (l.min(z), h.max(z)));
+        let (low, high) =
+            truth.z.iter().filter(|z| **z > 0.0).fold((f64::MAX, 0.0_f64), |(l, h), &z| (l.min(z), h.max(z)));
         let mut beside = vec![false; truth.z.len()];
         for (i, j) in pairs(&truth) {
             // Two degrees (the smooth ball turns by one a pixel), or another body.
@@ -116,4 +123,38 @@ fn recordings_of_them_hold_their_whole_depth() {
     }
     let camera = simulation.depth_camera();
     assert_eq!((camera.fx, camera.fy, camera.cx), (350.0, 345.0, 87.0));
+}
+
+/// Mean and median angle in degrees between the core's normals and the truth, over the object's pixels.
+fn errors(camera: &SimCamera, truth: &GroundTruth, params: &NormalParams) -> (f64, f64) {
+    let depth = truth.depth_f32();
+    let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32);
+    let intrinsics = Intrinsics::new(fx, fy, cx, cy).unwrap();
+    let frame = DepthFrame::new(ImageView::new(&depth, SIZE.0, SIZE.1).unwrap(), DepthUnit::METRE, intrinsics);
+    let mut scratch = vec![0.0; scratch_len(SIZE.0)];
+    let mut errors = Vec::new();
+    rows(&frame, params, &mut scratch, |y, row| {
+        for x in (0..SIZE.0).filter(|x| truth.z[y * SIZE.0 + x] > 0.0) {
+            let (n, t) = (V3::from([row.x[x], row.y[x], row.z[x]].map(f64::from)), normal(truth, y * SIZE.0 + x));
+            // No answer is as wrong as can be.
+            let angle = libm::atan2(n.cross(t).length(), n.dot(t)).to_degrees();
+            errors.push(if angle.is_finite() { angle } else { 180.0 });
+        }
+    })
+    .unwrap();
+    errors.sort_by(f64::total_cmp);
+    (errors.iter().sum::<f64>() / errors.len() as f64, errors[errors.len() / 2])
+}
+
+#[test]
+fn normals_can_be_compared_on_them() {
+    let mut last = 0.0;
+    for (name, most) in [("facets-easy", 0.08), ("facets-medium", 0.5), ("facets-hard", 2.3)] {
+        let (camera, truth) = look(name);
+        let (mean, median) = errors(&camera, &truth, &NormalParams::default());
+        let (paper_mean, paper_median) = errors(&camera, &truth, &NormalParams::PAPER);
+        println!("{name}: exact mean {mean:.3} median {median:.4}; paper {paper_mean:.2}, {paper_median:.2} degrees");
+        assert!(mean < most && mean < paper_mean && mean > last, "{name}: {mean} {paper_mean}");
+        last = mean;
+    }
 }

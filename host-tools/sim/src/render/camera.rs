@@ -38,7 +38,8 @@ impl SimCamera {
         }
         let (w, h) = (width as f64, height as f64);
         let f = 0.5 * w / libm::tan(0.5 * horizontal);
-        let camera = Self { width, height, fx: f, fy: f, cx: 0.5 * w - 0.5, cy: 0.5 * h - 0.5, lens: [0.0; 8] }.in_f32();
+        let camera =
+            Self { width, height, fx: f, fy: f, cx: 0.5 * w - 0.5, cy: 0.5 * h - 0.5, lens: [0.0; 8] }.in_f32();
         camera.check().map(|()| camera)
     }
 
@@ -188,7 +189,8 @@ mod tests {
 
     #[test]
     fn scaled_cameras_see_the_same_through_the_same_part_of_the_image() {
-        let camera = SimCamera { width: 640, height: 480, fx: 1400.0, fy: 1380.0, cx: 349.5, cy: 249.5, lens: [0.0; 8] };
+        let camera =
+            SimCamera { width: 640, height: 480, fx: 1400.0, fy: 1380.0, cx: 349.5, cy: 249.5, lens: [0.0; 8] };
         assert_eq!(camera.scaled_to(640, 480).unwrap(), camera);
         let (small, low) = (camera.scaled_to(160, 120).unwrap(), camera.scaled_to(640, 240).unwrap());
         for p in [v3(0.1, -0.05, 1.3), v3(-0.2, 0.1, 2.0)] {

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::file::{CameraFile, LightFile, MaterialFile, ObjectFile, PatternFile, SceneFile, ShapeFile, SurroundingsFile};
+use super::file::{
+    CameraFile, LightFile, MaterialFile, ObjectFile, PatternFile, SceneFile, ShapeFile, SurroundingsFile,
+};
 use super::motion::{Motion, turned};
 use super::{Object, Scene, View};
 use crate::error::SimError;
@@ -15,8 +17,8 @@ use crate::render::sky::Sky;
 use crate::render::surface::{Material, Pattern};
 use crate::shape::facets::{self, Polyhedron};
 use crate::shape::mesh::{Mesh, Triangle};
-use crate::shape::{Shape, mesh_file};
 use crate::shape::waves::{Wave, Waves};
+use crate::shape::{Shape, mesh_file};
 
 /// Nothing in a scene is farther or larger than this, metres: `f64` keeps nanometres there.
 const LARGEST: f64 = 1e5;
@@ -238,15 +240,21 @@ fn shape(at: &At<'_>, of: &str, o: &ObjectFile, folder: &Path) -> Result<Shape, 
             let body = Polyhedron::around(length("radius", *radius)?, *faces, *seed);
             Shape::Polyhedron(body.ok_or_else(|| {
                 at.error(match seed {
-                    None => format!("{of}: no regular solid has {faces} faces; give 4, 6, 8, 12 or 20, or a seed for a random one"),
-                    Some(_) => format!("{of}: {faces} random faces that leave it open; give another seed, or more faces"),
+                    None => format!(
+                        "{of}: no regular solid has {faces} faces; give 4, 6, 8, 12 or 20, or a seed for a random one"
+                    ),
+                    Some(_) => {
+                        format!("{of}: {faces} random faces that leave it open; give another seed, or more faces")
+                    }
                 })
             })?)
         }
         ShapeFile::TorusKnot { radius, tube, winds, facets } => {
             let (radius, tube) = (length("radius", *radius)?, length("tube", *tube)?);
             if !winds.iter().all(|w| (1..=50).contains(w)) {
-                return Err(at.error(format!("{of}: winds {winds:?}; give how often it goes around and through, 1 to 50")));
+                return Err(
+                    at.error(format!("{of}: winds {winds:?}; give how often it goes around and through, 1 to 50"))
+                );
             }
             if !facets.iter().all(|n| (3..=MOST_RINGS).contains(n)) {
                 return Err(at.error(format!("{of}: facets {facets:?}; give rings and sides, 3 to {MOST_RINGS}")));
