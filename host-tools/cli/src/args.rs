@@ -179,13 +179,17 @@ Examples:
   isobath run out/living
   isobath run sim:living-room@kinect        the same without files
 
+  isobath sim living-room --path stations --place table --frames 72 --environment 1024
+  isobath sim desk --path shake --tracking phone --imu phone --colour-size 1280x720
+
 Named scenes: wall, tilted, sphere, corner, stairs, desk, living-room, corridor,
-door. Sensors: none, kinect, kinect-full, stereo, tof, or stages joined by +,
+door (something moves), facets-easy, facets-medium, facets-hard (far away, in no
+particular unit: for normals against flat facets). Sensors: none, kinect, kinect-full, stereo, tof, or stages joined by +,
 such as quantised:0.001+range:0.3..5; host-tools/sim/README.md tells of each.
 
 Writes a TUM RGB-D folder with camera.toml and imu.csv, and beside it truth/:
-exact depth and normals (NPY), segments, and environment maps. The same seed
-gives the same bytes on every machine.")]
+exact depth and normals (NPY), linear colour (EXR), segments, and environment
+maps (EXR, NPY). The same seed gives the same bytes on every machine.")]
 pub(crate) struct SimArgs {
     /// A named scene, or a scene file (.toml)
     #[arg(value_name = "SCENE")]
@@ -214,6 +218,52 @@ pub(crate) struct SimArgs {
     /// Columns of the environment maps, one for each named place of the scene; 0: none
     #[arg(long, value_name = "N", default_value_t = 512)]
     pub(crate) environment: usize,
+
+    /// An environment map of this point too, metres; may be given several times
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    pub(crate) probe: Vec<[f32; 3]>,
+
+    /// The camera's way: auto (walk, or static where something moves), static, walk, shake, orbit, or stations, the lighting
+    /// paper's 72 places around --place
+    #[arg(long, value_name = "PATH", default_value = "auto")]
+    pub(crate) path: String,
+
+    /// Which of the scene's places orbit and stations go around [default: its first]
+    #[arg(long, value_name = "PLACE")]
+    pub(crate) place: Option<String>,
+
+    /// How well the camera's poses are known: with phone they tremble and drift
+    #[arg(long, value_enum, default_value_t = Quality::Exact)]
+    pub(crate) tracking: Quality,
+
+    /// How good the inertial sensor is: phone has bias, noise and a bias that wanders
+    #[arg(long, value_enum, default_value_t = Quality::Exact)]
+    pub(crate) imu: Quality,
+
+    /// Size of the colour images, when it is another; depth covers their middle
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) colour_size: Option<(usize, usize)>,
+
+    /// Lens of both cameras, in OpenCV's order
+    #[arg(long, value_name = "K1,K2,P1,P2,K3,K4,K5,K6", value_parser = numbers::<8>, allow_hyphen_values = true)]
+    pub(crate) lens: Option<[f32; 8]>,
+
+    /// Horizontal field of view of the depth camera, degrees [default: the scene's own camera, for most 63]
+    #[arg(long, value_name = "DEG")]
+    pub(crate) fov: Option<f64>,
+
+    /// Metres per step of the depth images [default: 0.0002, or the scene's own]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) unit: Option<f64>,
+}
+
+/// Whether a simulated instrument errs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Quality {
+    /// Not at all
+    Exact,
+    /// As a phone's does
+    Phone,
 }
 
 /// How normals are computed.

@@ -123,6 +123,57 @@ fn a_simulated_recording_is_read_back_and_needs_no_files() {
 }
 
 #[test]
+fn what_sim_writes_run_reads() {
+    let folder = Folder::new();
+    let out = folder.path("living");
+    let written = json(&[
+        "sim",
+        "living-room",
+        "--frames",
+        "2",
+        "--size",
+        "160x120",
+        "--sensor",
+        "kinect",
+        "--seed",
+        "3",
+        "--environment",
+        "32",
+        "--probe",
+        "0.2,1,-0.4",
+        "--path",
+        "shake",
+        "--tracking",
+        "phone",
+        "--imu",
+        "phone",
+        "--colour-size",
+        "320x180",
+        "--lens=-0.1,0.02,0,0,0,0,0,0",
+        "--unit",
+        "0.001",
+        "--out",
+        &out,
+    ]);
+    assert_eq!(written["environment_maps"], 11, "ten places of the scene, and the one asked for");
+    assert_eq!(written["imu_samples"], 7, "33 ms at 200 a second");
+    let at = |name: &str| Path::new(&out).join(name);
+    for name in ["truth/environment/probe-1.exr", "truth/radiance-000001.exr", "truth/depth-000000.npy", "reported.txt"]
+    {
+        assert!(at(name).is_file(), "{name}");
+    }
+    assert!(fs::read_to_string(at("camera.toml")).expect("a camera").contains("distortion"));
+    let report = folder.path("report");
+    let run = json(&["run", &out, "--out", &report]);
+    assert_eq!((&run["frames"], &run["has_poses"]), (&Value::from(2), &Value::from(true)));
+    assert!(Path::new(&report).join("report.html").is_file());
+    let facets = json(&["hit", "sim:facets-easy", "--pixel", "200,190"]);
+    assert!(number(&facets["point_m"][2]).abs() < 200.0 && facets["answer"] == "hit", "{facets}");
+    let output = isobath(&["sim", "wall", "--path", "fly", "--out", &out]);
+    assert!(output.status.code() == Some(1) && stderr(&output).contains("stations"), "{}", stderr(&output));
+}
+
+#[test]
 fn completions_for_every_shell() {
     for shell in ["bash", "zsh", "fish"] {
         let output = isobath(&["completions", shell]);

@@ -5,7 +5,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use isobath_sim::{Ball, NAMES, Rigid, Scene, SensorModel, SimCamera, render_ball};
+use isobath_sim::{Ball, NAMES, Rigid, Scene, SensorModel, render_ball};
 
 /// Google's Turbo, by its polynomial (Mikhailov 2019).
 fn turbo(t: f64) -> [u8; 3] {
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&out)?;
     for name in NAMES.iter().filter(|n| only.as_deref().is_none_or(|o| o == **n)) {
         let scene = Scene::open(name)?;
-        let camera = SimCamera::from_fov(width, height, 1.1)?;
+        let camera = scene.camera(width, height)?;
         let pose = Rigid::looking_at(scene.view().eye, scene.view().target);
         let start = Instant::now();
         let (truth, colour) = scene.render(1.4, &camera, &pose);
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
         let mut sheet = Sheet::new(3 * width, height);
         sheet.add(width, scene.to_srgb(&colour));
-        sheet.add(width, depth_colours(&truth.z, low, high.min(20.0)));
+        sheet.add(width, depth_colours(&truth.z, low, high.min(20.0 * low)));
         let normals = truth.normals.iter().zip(&truth.z);
         sheet.add(
             width,
@@ -85,7 +85,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut sheet = Sheet::new(3 * width, height);
         for sensor in ["kinect-full", "tof", "stereo"] {
             let sensed = sensor.parse::<SensorModel>()?.sense(&truth, &camera, 1, 3);
-            sheet.add(width, depth_colours(&sensed.z, low, high.min(20.0)));
+            sheet.add(width, depth_colours(&sensed.z, low, high.min(20.0 * low)));
         }
         sheet.image.save(out.join(format!("{name}-sensors.png")))?;
 

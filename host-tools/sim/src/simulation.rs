@@ -22,8 +22,9 @@ pub struct SimOptions {
     pub size: (usize, usize),
     /// Width and height of colour images, of which depth covers the middle; those of depth unless given.
     pub colour_size: Option<(usize, usize)>,
-    /// Full horizontal field of view of the depth camera, radians. Default 1.1 (63 degrees).
-    pub field_of_view: f64,
+    /// Full horizontal field of view of the depth camera, radians. `None`: the scene's own camera ([`Scene::camera`]), which for
+    /// most is 1.1 (63 degrees).
+    pub field_of_view: Option<f64>,
     /// Lens of both cameras, OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6. Default none.
     pub lens: [f64; 8],
     /// Frames there are. Default 30.
@@ -36,7 +37,8 @@ pub struct SimOptions {
     pub place: Option<String>,
     /// What the sensor does to depth. Default nothing.
     pub sensor: SensorModel,
-    /// Metres per step of `u16` depth. `None`: `f32` metres where the sensor is exact, and 1/5000 m where it is not.
+    /// Metres per step of `u16` depth. `None`: `f32` metres where the sensor is exact, and where it is not, the scene's own step or
+    /// 1/5000 m.
     pub unit: Option<f64>,
     /// Errors of reported poses. Default none.
     pub pose_noise: PoseNoise,
@@ -57,7 +59,7 @@ impl Default for SimOptions {
         Self {
             size: (640, 480),
             colour_size: None,
-            field_of_view: 1.1,
+            field_of_view: None,
             lens: [0.0; 8],
             frames: 30,
             frame_rate: 30.0,
@@ -158,7 +160,10 @@ impl Simulation {
     /// [`SimError::Option`] for a size, rate, unit, camera or place that can't be.
     pub fn new(scene: Arc<Scene>, options: SimOptions) -> Result<Self, SimError> {
         let (width, height) = options.size;
-        let mut depth_camera = SimCamera::from_fov(width, height, options.field_of_view)?;
+        let mut depth_camera = match options.field_of_view {
+            Some(angle) => SimCamera::from_fov(width, height, angle)?,
+            None => scene.camera(width, height)?,
+        };
         depth_camera.lens = options.lens;
         depth_camera.check()?;
         let (colour_width, colour_height) = options.colour_size.unwrap_or(options.size);
@@ -298,7 +303,7 @@ impl Simulation {
     /// Metres per step of `u16` depth, as written and as [`crate::SimSource`] gives it: a number that `f32` holds.
     #[must_use]
     pub fn unit(&self) -> f64 {
-        self.options.unit.map_or(TUM_UNIT, |u| f64::from(u as f32))
+        self.options.unit.or(self.scene.unit).map_or(TUM_UNIT, |u| f64::from(u as f32))
     }
 
     /// A frame's linear colour as sRGB bytes at the scene's exposure.

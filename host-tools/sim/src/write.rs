@@ -6,7 +6,7 @@ use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use image::{ImageBuffer, Luma, Rgb};
+use image::{ImageBuffer, ImageEncoder, Luma, Rgb};
 use isobath_recording::parse::{NpySlice, write_npy};
 use rayon::prelude::*;
 
@@ -74,7 +74,9 @@ pub fn write_recording(
     for (done, (place, at)) in places.iter().enumerate() {
         let map = scene.environment_map(0.0, **at, options.environment, 2);
         let stem = folder.join("truth/environment").join(place.replace(|c: char| !c.is_ascii_alphanumeric(), "-"));
-        write_linear(&map, &stem)?;
+        for ending in ["exr", "npy"] {
+            write_linear(&map, &stem.with_extension(ending))?;
+        }
         progress(simulation.len() + done + 1, total);
     }
 
@@ -102,7 +104,7 @@ pub fn write_recording(
     }
     put(&folder.join("truth/segments.txt"), &text)?;
     let mut text = String::from(
-        "# place: x y z in metres; environment maps are truth/environment/PLACE.hdr and .npy, at time 0\n",
+        "# place: x y z in metres; environment maps are truth/environment/PLACE.exr and .npy, at time 0\n",
     );
     for (name, p) in scene.places() {
         let _ = writeln!(text, "{name}: {} {} {}", p.x, p.y, p.z);
@@ -210,8 +212,14 @@ fn write_frame(simulation: &Simulation, frame: &SimFrame, folder: &Path) -> Resu
         let flat: Vec<f32> = frame.truth.normals.iter().flatten().copied().collect();
         npy(&truth.join(format!("normals-{number}.npy")), &[shape[0], shape[1], 3], &flat)
     };
-    let jobs: [&(dyn Fn() -> Result<(), SimError> + Sync); 6] =
-        [&depth, &colour, &confidence, &segments, &exact, &normals];
+    let radiance = || {
+        if frame.radiance.pixels.is_empty() {
+            return Ok(());
+        }
+        write_linear(&frame.radiance, &truth.join(format!("radiance-{number}.exr")))
+    };
+    let jobs: [&(dyn Fn() -> Result<(), SimError> + Sync); 7] =
+        [&depth, &colour, &confidence, &segments, &exact, &normals, &radiance];
     jobs.par_iter().map(|job| job()).collect()
 }
 
@@ -225,19 +233,29 @@ fn npy(path: &Path, shape: &[usize], data: &[f32]) -> Result<(), SimError> {
     write_npy(&mut BufWriter::new(file), shape, NpySlice::F32(data)).map_err(write_error(path))
 }
 
-/// Writes a linear image as Radiance `STEM.hdr` (8 bits of exponent, 8 of mantissa) and as exact `STEM.npy` (rows, columns, 3).
+/// Writes a linear image, in the format of the file's ending: `.exr` (`OpenEXR`) and `.npy` (rows, columns, 3) hold every bit of its
+/// `f32`, `.hdr` (Radiance) 8 bits of each number.
 ///
 /// # Errors
-/// [`SimError::Io`] when a file can't be written.
-pub fn write_linear(image: &LinearImage, stem: &Path) -> Result<(), SimError> {
-    let path = stem.with_extension("hdr");
-    let file = BufWriter::new(fs::File::create(&path).map_err(write_error(&path))?);
-    let pixels: Vec<Rgb<f32>> = image.pixels.iter().map(|p| Rgb(*p)).collect();
-    image::codecs::hdr::HdrEncoder::new(file)
-        .encode(&pixels, image.width, image.height)
-        .map_err(|e| failed(&path, e))?;
-    let flat: Vec<f32> = image.pixels.iter().flatten().copied().collect();
-    npy(&stem.with_extension("npy"), &[image.height, image.width, 3], &flat)
+/// [`SimError`] when the file can't be written, or its ending is another.
+pub fn write_linear(image: &LinearImage, path: &Path) -> Result<(), SimError> {
+    let create = || Ok(BufWriter::new(fs::File::create(path).map_err(write_error(path))?));
+    let (width, height) = (image.width, image.height);
+    let flat = image.pixels.as_flattened();
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("exr") => {
+            let bytes: Vec<u8> = flat.iter().flat_map(|v| v.to_ne_bytes()).collect();
+            image::codecs::openexr::OpenExrEncoder::new(create()?)
+                .write_image(&bytes, width as u32, height as u32, image::ExtendedColorType::Rgb32F)
+                .map_err(|e| failed(path, e))
+        }
+        Some("hdr") => {
+            let pixels: Vec<Rgb<f32>> = image.pixels.iter().map(|p| Rgb(*p)).collect();
+            image::codecs::hdr::HdrEncoder::new(create()?).encode(&pixels, width, height).map_err(|e| failed(path, e))
+        }
+        Some("npy") => npy(path, &[height, width, 3], flat),
+        _ => Err(SimError::option(format!("{}: linear images are written as .exr, .hdr or .npy", path.display()))),
+    }
 }
 
 fn put(path: &Path, text: &str) -> Result<(), SimError> {

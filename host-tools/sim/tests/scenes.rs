@@ -11,7 +11,7 @@ fn camera() -> SimCamera {
 fn look(name: &str) -> (Scene, Rigid, GroundTruth) {
     let scene = Scene::open(name).unwrap();
     let pose = Rigid::looking_at(scene.view().eye, scene.view().target);
-    let truth = scene.render_geometry(0.0, &camera(), &pose);
+    let truth = scene.render_geometry(0.0, &scene.camera(64, 48).unwrap(), &pose);
     (scene, pose, truth)
 }
 
@@ -30,7 +30,7 @@ fn planes_are_exact_to_a_nanometre() {
         let (scene, pose, truth) = look(name);
         let id = scene.segments().iter().position(|s| s == segment).unwrap() as u16 + 1;
         let k = camera();
-        let mut seen = 0;
+        let (mut seen, mut worst) = (0, 0.0_f64);
         for i in 0..truth.z.len() {
             if truth.segments[i] != id {
                 continue;
@@ -41,11 +41,13 @@ fn planes_are_exact_to_a_nanometre() {
             let ray = v3((x - k.cx) / k.fx, (y - k.cy) / k.fy, 1.0);
             let n = pose.rotation.undo(normal);
             let z = n.dot(pose.undo_point(point)) / n.dot(ray);
+            worst = worst.max((truth.z[i] - z).abs());
             assert!((truth.z[i] - z).abs() < 1e-9, "{name} {segment}: {} {z}", truth.z[i]);
             let got = V3::from(truth.normals[i].map(f64::from));
             assert!((got - n).length() < 1e-7, "{name} {segment}: {got:?} {n:?}");
             assert!(got.dot(ray) < 0.0, "normals face the camera");
         }
+        println!("{name} {segment}: {seen} pixels, off by at most {worst:e} m");
         assert!(seen > 100, "{name} {segment}: {seen} pixels");
     }
 }
@@ -74,14 +76,16 @@ fn every_named_scene_is_furnished() {
         assert_eq!(scene.name(), *name);
         assert!(!scene.about().is_empty() && !scene.places().is_empty(), "{name}");
         let holes = truth.z.iter().filter(|&&z| z == 0.0).count();
-        assert!(holes < truth.z.len() / 4, "{name}: {holes} holes");
+        // Bodies in empty space have empty space around them.
+        let most = if name.starts_with("facets") { 9 } else { 2 };
+        assert!(holes < truth.z.len() * most / 10, "{name}: {holes} holes");
         for i in 0..truth.z.len() {
             let n = V3::from(truth.normals[i].map(f64::from)).length();
             let there = truth.z[i] > 0.0;
             assert!(truth.z[i].is_finite() && there == (truth.segments[i] > 0));
             assert!(if there { (n - 1.0).abs() < 1e-6 } else { n == 0.0 });
         }
-        let colour = scene.render_colour(0.0, &camera(), &pose, 1);
+        let colour = scene.render_colour(0.0, &scene.camera(64, 48).unwrap(), &pose, 1);
         let mean = colour.pixels.iter().flatten().map(|&v| f64::from(v)).sum::<f64>() / (3.0 * 64.0 * 48.0);
         assert!(mean * scene.exposure() > 0.05 && mean * scene.exposure() < 2.0, "{name}: mean {mean}");
         assert!(colour.pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
@@ -94,12 +98,12 @@ fn every_named_scene_is_furnished() {
 fn only_the_door_moves() {
     for name in NAMES {
         let (scene, pose, truth) = look(name);
-        let later = scene.render_geometry(2.0, &camera(), &pose);
+        let later = scene.render_geometry(2.0, &scene.camera(64, 48).unwrap(), &pose);
         assert_eq!(scene.moves(), *name == "door");
         assert_eq!(truth != later, *name == "door", "{name}");
     }
     let (scene, pose, truth) = look("door");
-    assert_eq!(truth, scene.render_geometry(6.0, &camera(), &pose), "it repeats after 6 s");
+    assert_eq!(truth, scene.render_geometry(6.0, &scene.camera(64, 48).unwrap(), &pose), "it repeats after 6 s");
 }
 
 #[test]
@@ -147,6 +151,24 @@ const BROKEN: &[(&str, &str)] = &[
     ),
     ("OK object = [{ name = \"a\", shape = { waves = { size = [1, 1], waves = [] } }, material = \"m\" }]", "0 waves"),
     ("OK object = [{ name = \"a\", shape = { mesh = { file = \"no.obj\" } }, material = \"m\" }]", "no.obj"),
+    (
+        "OK object = [{ name = \"a\", shape = { polyhedron = { radius = 1, faces = 7 } }, material = \"m\" }]",
+        "4, 6, 8, 12 or 20",
+    ),
+    (
+        "OK object = [{ name = \"a\", shape = { polyhedron = { radius = 1, faces = 4, seed = 3 } }, material = \"m\" }]",
+        "another seed",
+    ),
+    (
+        "OK object = [{ name = \"a\", shape = { torus_knot = { radius = 1, tube = 0.1, winds = [2, 0], facets = [9, 9] } }, material = \"m\" }]",
+        "1 to 50",
+    ),
+    (
+        "OK object = [{ name = \"a\", shape = { torus_knot = { radius = 1, tube = 0.1, winds = [2, 3], facets = [2, 9] } }, material = \"m\" }]",
+        "rings and sides",
+    ),
+    ("OK object = [{ name = \"a\", shape = { icosphere = { radius = 1, level = 9 } }, material = \"m\" }]", "0 to 7"),
+    ("OK unit = 0", "unit is 0"),
     (
         "OK object = [{ name = \"a\", shape = { sphere = { radius = 1 } }, material = \"m\", group = \"g\" }]",
         "no group \"g\"",
@@ -227,13 +249,19 @@ fn hdr_surroundings_are_seen_where_they_lie() {
             _ => [0.0; 3],
         };
     }
-    isobath_sim::write_linear(&sky, &dir.path().join("sky")).unwrap();
+    for file in ["sky.hdr", "sky.exr"] {
+        isobath_sim::write_linear(&sky, &dir.path().join(file)).unwrap();
+        surroundings_lie_right(&sky, dir.path(), file);
+    }
+}
+
+fn surroundings_lie_right(sky: &isobath_sim::LinearImage, folder: &Path, file: &str) {
     let scene = |turn: f64| {
         let text = format!(
             "about = \"sky\"\nview = {{ eye = [0, 0, 0], target = [0, 0, -1] }}\n\
-             surroundings = {{ hdr = {{ file = \"sky.hdr\", turn = {turn}, scale = 0.5 }} }}\n"
+             surroundings = {{ hdr = {{ file = \"{file}\", turn = {turn}, scale = 0.5 }} }}\n"
         );
-        Scene::parse("sky", &text, dir.path()).unwrap()
+        Scene::parse("sky", &text, folder).unwrap()
     };
     let seen = |turn: f64, target: V3| {
         let view = Rigid::looking_at(V3::ZERO, target);

@@ -2,23 +2,35 @@
 
 use std::path::PathBuf;
 
-use isobath_sim::{Scene, SimOptions, write_recording};
+use isobath_sim::{ImuModel, PoseNoise, Scene, SimOptions, V3, write_recording};
 use serde_json::json;
 
-use crate::args::SimArgs;
+use crate::args::{Quality, SimArgs};
 use crate::commands::run::progress;
 use crate::failure::{Failure, Outcome};
 use crate::say::{Say, count};
 
 pub(crate) fn run(args: &SimArgs, say: &mut Say) -> Outcome {
     let failed = |e: &isobath_sim::SimError| Failure::of(e, &args.scene);
-    let scene = Scene::open(&args.scene).map_err(|e| failed(&e))?;
+    let mut scene = Scene::open(&args.scene).map_err(|e| failed(&e))?;
+    for (i, at) in args.probe.iter().enumerate() {
+        let at = V3::from(at.map(f64::from));
+        scene = scene.with_place(&format!("probe {}", i + 1), at).map_err(|e| failed(&e))?;
+    }
     let options = SimOptions {
         size: args.size,
         frames: args.frames,
         sensor: args.sensor.parse().map_err(|e| failed(&e))?,
         seed: args.seed,
         environment: args.environment,
+        path: args.path.parse().map_err(|e| failed(&e))?,
+        place: args.place.clone(),
+        pose_noise: if args.tracking == Quality::Phone { PoseNoise::PHONE } else { PoseNoise::NONE },
+        imu: if args.imu == Quality::Phone { ImuModel::PHONE } else { ImuModel::EXACT },
+        colour_size: args.colour_size,
+        lens: args.lens.map_or([0.0; 8], |k| k.map(f64::from)),
+        field_of_view: args.fov.map(f64::to_radians),
+        unit: args.unit,
         ..SimOptions::default()
     };
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(scene.name()));
@@ -35,7 +47,10 @@ pub(crate) fn run(args: &SimArgs, say: &mut Say) -> Outcome {
         "frames",
         &format!("{}, {} x {}, sensor {}", count(summary.frames as u64), args.size.0, args.size.1, options.sensor),
     );
-    say.fact("truth", &format!("exact depth, normals, segments; {} environment maps", summary.environment_maps));
+    say.fact(
+        "truth",
+        &format!("exact depth, normals, linear colour, segments; {} environment maps", summary.environment_maps),
+    );
     say.fact("imu", &format!("{} readings", count(summary.imu_samples as u64)));
     say.fact("written", &summary.folder.display().to_string());
     say.json(&json!({

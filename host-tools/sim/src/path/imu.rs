@@ -132,6 +132,7 @@ mod tests {
             let (p, r) = integrate(&t, &samples);
             let end = t.at(10.0).pose;
             let (far, turned) = ((p - end.translation).length(), r.transposed().then(&end.rotation).angle());
+            println!("after 10 s off by {far:e} m, {:e} degrees", turned.to_degrees());
             assert!(far < 1e-3, "{far} m");
             assert!(turned.to_degrees() < 0.01, "{} degrees", turned.to_degrees());
         }
@@ -150,6 +151,21 @@ mod tests {
         let squares: f64 = samples.iter().map(|s| (s.force.y + 9.806_65) * (s.force.y + 9.806_65)).sum();
         let expected = 1.8e-3 * 200.0_f64.sqrt();
         assert!(((squares / n).sqrt() / expected - 1.0).abs() < 0.03);
+        let squares: f64 = samples.iter().map(|s| s.rate.x * s.rate.x).sum();
+        assert!(((squares / n).sqrt() / (1.2e-4 * 200.0_f64.sqrt()) - 1.0).abs() < 0.03);
+        // Of many wandering biases, the spread after 4 s and after 16 s, and none at the start.
+        let wandering = ImuModel { accelerometer_walk: 3e-4, gyroscope_walk: 2e-5, ..ImuModel::EXACT };
+        let spread = |seconds: f64| {
+            let ends = (0..400).map(|seed| imu_samples(&t, &wandering, seed, seconds).last().copied().unwrap());
+            let (force, rate) = ends.fold((0.0, 0.0), |(f, r), s| (f + s.force.x * s.force.x, r + s.rate.z * s.rate.z));
+            [(force / 400.0).sqrt(), (rate / 400.0).sqrt()]
+        };
+        assert!(spread(0.0)[1] == 0.0 && spread(0.0)[0] < 1e-12);
+        for seconds in [4.0_f64, 16.0] {
+            let [force, rate] = spread(seconds);
+            assert!((force / (3e-4 * seconds.sqrt()) - 1.0).abs() < 0.12, "{force}");
+            assert!((rate / (2e-5 * seconds.sqrt()) - 1.0).abs() < 0.12, "{rate}");
+        }
         let biased = imu_samples(&t, &ImuModel::PHONE, 5, 1.0);
         let mean = biased.iter().map(|s| s.rate.x).sum::<f64>() / biased.len() as f64;
         assert!(mean.abs() > 1e-5 && mean.abs() < 0.02);

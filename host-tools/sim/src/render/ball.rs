@@ -21,10 +21,16 @@ pub enum Ball {
     Diffuse,
 }
 
-/// A map's pixel as a light: direction, colour, solid angle.
+/// A cell of the map as a light. It shines from where its own light comes from: a sun is smaller than a cell, and a cell's middle
+/// would be off by up to 4 degrees.
 struct Lamp {
+    /// The mean direction of the cell's pixels.
     direction: V3,
+    /// The same, each pixel weighted with its brightness.
+    bright: V3,
+    /// Sum over the pixels, each times its solid angle.
     colour: V3,
+    /// The solid angle, up to a factor that all have in common.
     weight: f64,
 }
 
@@ -33,21 +39,25 @@ const REDUCED: usize = 64;
 
 fn lamps(map: &LinearImage) -> Vec<Lamp> {
     let (w, h) = (map.width.min(REDUCED), map.height.min(REDUCED / 2));
-    let mut lamps: Vec<Lamp> = (0..w * h)
-        .map(|i| {
-            let (u, v) = (((i % w) as f64 + 0.5) / w as f64, ((i / w) as f64 + 0.5) / h as f64);
-            Lamp { direction: direction_of_equirect(u, v), colour: V3::ZERO, weight: 0.0 }
-        })
-        .collect();
+    let dark = || Lamp { direction: V3::ZERO, bright: V3::ZERO, colour: V3::ZERO, weight: 0.0 };
+    let mut lamps: Vec<Lamp> = std::iter::repeat_with(dark).take(w * h).collect();
     for y in 0..map.height {
         // The solid angle of a row's pixel, up to a common factor.
         let solid = libm::sin(std::f64::consts::PI * (y as f64 + 0.5) / map.height as f64);
         for x in 0..map.width {
             if let Some(lamp) = lamps.get_mut(y * h / map.height * w + x * w / map.width) {
-                lamp.colour += V3::from(map.get(x, y).map(f64::from)) * solid;
+                let (u, v) = ((x as f64 + 0.5) / map.width as f64, (y as f64 + 0.5) / map.height as f64);
+                let (direction, colour) = (direction_of_equirect(u, v), V3::from(map.get(x, y).map(f64::from)));
+                lamp.direction += direction * solid;
+                lamp.bright += direction * (solid * colour.dot(V3::ONE));
+                lamp.colour += colour * solid;
                 lamp.weight += solid;
             }
         }
+    }
+    for lamp in &mut lamps {
+        lamp.direction = lamp.direction.unit_or_up();
+        lamp.bright = lamp.bright.unit().unwrap_or(lamp.direction);
     }
     lamps
 }
@@ -60,12 +70,9 @@ pub fn render_ball(map: &LinearImage, ball: Ball, view: &Rigid, size: usize) -> 
     let gather = |axis: V3, power: u32| {
         let (mut sum, mut weights) = (V3::ZERO, 0.0);
         for lamp in &lamps {
-            let mut cosine = axis.dot(lamp.direction).max(0.0);
-            for _ in 0..power {
-                cosine *= cosine;
-            }
-            sum += lamp.colour * cosine;
-            weights += lamp.weight * cosine;
+            let share = |direction: V3| (0..power).fold(axis.dot(direction).max(0.0), |c, _| c * c);
+            sum += lamp.colour * share(lamp.bright);
+            weights += lamp.weight * share(lamp.direction);
         }
         if weights > 0.0 { sum / weights } else { V3::ZERO }
     };
@@ -124,6 +131,39 @@ mod tests {
                 }
             }
             assert!((covered as f64 / 576.0 - std::f64::consts::FRAC_PI_4).abs() < 0.02);
+        }
+    }
+
+    #[test]
+    fn a_small_sun_lights_as_the_cosines_say() {
+        // One pixel of a fine map, at the corner of a cell of the reduced one. The mean over the hemisphere divides by pi, that
+        // over the lobe by 2 pi / 33.
+        let mut map = LinearImage::filled(512, 256, [0.0; 3]);
+        let (x, y) = (8 * 21, 8 * 12);
+        map.pixels[y * 512 + x] = [1000.0; 3];
+        let sun = direction_of_equirect((x as f64 + 0.5) / 512.0, (y as f64 + 0.5) / 256.0);
+        let side = std::f64::consts::TAU / 512.0;
+        let irradiance = 1000.0 * side * side * libm::sin(std::f64::consts::PI * (y as f64 + 0.5) / 256.0);
+        let view = Rigid::looking_at(V3::ZERO, v3(0.4, -0.1, 1.0));
+        for (ball, power, total) in
+            [(Ball::Diffuse, 0, std::f64::consts::PI), (Ball::Glossy, 5, std::f64::consts::TAU / 33.0)]
+        {
+            let picture = render_ball(&map, ball, &view, 48);
+            let exact = |x: usize, y: usize| {
+                let n = view.rotation.apply(normal(x, y, 48)?);
+                let look = view.rotation.z;
+                let axis = if power == 0 { n } else { look - n * (2.0 * look.dot(n)) };
+                Some((0..power).fold(axis.dot(sun).max(0.0), |c, _| c * c) * irradiance / total)
+            };
+            let most = irradiance / total;
+            let mut lit = 0;
+            for i in 0..48 * 48 {
+                let Some(e) = exact(i % 48, i / 48) else { continue };
+                let got = f64::from(picture.get(i % 48, i / 48)[0]);
+                lit += usize::from(e > 0.1 * most);
+                assert!((got - e).abs() < 0.005 * most, "{ball:?} {i}: {got} {e}");
+            }
+            assert!(lit > 40, "{ball:?} {lit}");
         }
     }
 

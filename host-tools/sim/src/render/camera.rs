@@ -38,10 +38,27 @@ impl SimCamera {
         }
         let (w, h) = (width as f64, height as f64);
         let f = 0.5 * w / libm::tan(0.5 * horizontal);
-        // Rounded to f32, so that what a recording says is exactly what was simulated.
-        let f = f64::from(f as f32);
-        let camera = Self { width, height, fx: f, fy: f, cx: 0.5 * w - 0.5, cy: 0.5 * h - 0.5, lens: [0.0; 8] };
+        let camera =
+            Self { width, height, fx: f, fy: f, cx: 0.5 * w - 0.5, cy: 0.5 * h - 0.5, lens: [0.0; 8] }.in_f32();
         camera.check().map(|()| camera)
+    }
+
+    /// The same camera with images of another size: scaled to the width; rows are left out or added evenly above and below.
+    ///
+    /// # Errors
+    /// [`SimError::Option`] for an unusable size.
+    pub fn scaled_to(&self, width: usize, height: usize) -> Result<Self, SimError> {
+        let s = width as f64 / self.width as f64;
+        let cy = (self.cy + 0.5 - 0.5 * self.height as f64) * s + 0.5 * height as f64 - 0.5;
+        let cx = (self.cx + 0.5) * s - 0.5;
+        let camera = Self { width, height, fx: self.fx * s, fy: self.fy * s, cx, cy, lens: self.lens }.in_f32();
+        camera.check().map(|()| camera)
+    }
+
+    /// Rounded to f32, so that what a recording says is exactly what was simulated.
+    pub(crate) fn in_f32(self) -> Self {
+        let round = |v: f64| f64::from(v as f32);
+        Self { fx: round(self.fx), fy: round(self.fy), cx: round(self.cx), cy: round(self.cy), ..self }
     }
 
     /// Whether the numbers are those of a camera.
@@ -168,6 +185,19 @@ mod tests {
         camera.lens = [-0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         camera.fx = 100.0;
         assert!(camera.ray(640.0, 240.0).is_none(), "beyond the fold");
+    }
+
+    #[test]
+    fn scaled_cameras_see_the_same_through_the_same_part_of_the_image() {
+        let camera =
+            SimCamera { width: 640, height: 480, fx: 1400.0, fy: 1380.0, cx: 349.5, cy: 249.5, lens: [0.0; 8] };
+        assert_eq!(camera.scaled_to(640, 480).unwrap(), camera);
+        let (small, low) = (camera.scaled_to(160, 120).unwrap(), camera.scaled_to(640, 240).unwrap());
+        for p in [v3(0.1, -0.05, 1.3), v3(-0.2, 0.1, 2.0)] {
+            let [[x, y], [sx, sy], [lx, ly]] = [camera, small, low].map(|c| c.project(p).unwrap());
+            assert!((sx + 0.5 - (x + 0.5) / 4.0).abs() < 1e-4 && (sy + 0.5 - (y + 0.5) / 4.0).abs() < 1e-4);
+            assert!((lx - x).abs() < 1e-4 && (ly + 120.0 - y).abs() < 1e-4);
+        }
     }
 
     #[test]

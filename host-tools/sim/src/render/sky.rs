@@ -96,7 +96,8 @@ impl Sky {
     }
 }
 
-/// Reads an image file as linear colour: Radiance .hdr as it is, PNG and JPEG through the sRGB curve.
+/// Reads an image file as linear colour: Radiance .hdr and `OpenEXR` .exr as they are, PNG and JPEG through the sRGB curve. What
+/// is negative or no number is black.
 ///
 /// # Errors
 /// [`SimError`] when the file can't be read or is no image.
@@ -106,12 +107,17 @@ pub fn read_linear(path: &Path) -> Result<LinearImage, SimError> {
     let decoded = reader.decode().map_err(|e| SimError::Format {
         path: path.into(),
         what: e.to_string(),
-        hint: "surroundings and textures are .hdr, .png or .jpg files",
+        hint: "surroundings and textures are .hdr, .exr, .png or .jpg files",
     })?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let pixels = match decoded {
-        image::DynamicImage::ImageRgb32F(i) => {
-            i.pixels().map(|p| p.0.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 })).collect()
+        image::DynamicImage::ImageRgb32F(_) | image::DynamicImage::ImageRgba32F(_) => {
+            // Comparing, not `max`: which zero that gives is the machine's choice.
+            decoded
+                .to_rgb32f()
+                .pixels()
+                .map(|p| p.0.map(|v| if v > 0.0 && v < f32::INFINITY { v } else { 0.0 }))
+                .collect()
         }
         other => other.to_rgb8().pixels().map(|p| p.0.map(super::srgb::decode)).collect(),
     };

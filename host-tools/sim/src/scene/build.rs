@@ -4,22 +4,31 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::file::{LightFile, MaterialFile, ObjectFile, PatternFile, SceneFile, ShapeFile, SurroundingsFile};
+use super::file::{
+    CameraFile, LightFile, MaterialFile, ObjectFile, PatternFile, SceneFile, ShapeFile, SurroundingsFile,
+};
 use super::motion::{Motion, turned};
 use super::{Object, Scene, View};
 use crate::error::SimError;
 use crate::maths::{Rigid, V3};
+use crate::render::camera::SimCamera;
 use crate::render::light::Light;
 use crate::render::sky::Sky;
 use crate::render::surface::{Material, Pattern};
-use crate::shape::Shape;
-use crate::shape::mesh_file;
+use crate::shape::facets::{self, Polyhedron};
+use crate::shape::mesh::{Mesh, Triangle};
 use crate::shape::waves::{Wave, Waves};
+use crate::shape::{Shape, mesh_file};
 
 /// Nothing in a scene is farther or larger than this, metres: `f64` keeps nanometres there.
 const LARGEST: f64 = 1e5;
 /// Objects, keys, waves, lights: more is a mistake.
 const MOST: usize = 100_000;
+/// Faces of a polyhedron: each ray asks all of them.
+const MOST_FACES: u32 = 200;
+/// Facets of a torus knot along or around it, and times that a ball is cut.
+const MOST_RINGS: u32 = 2000;
+const MOST_LEVELS: u32 = 7;
 /// Samples of an area light, squared.
 const MOST_SAMPLES: u8 = 16;
 
@@ -94,6 +103,12 @@ pub(super) fn build(name: &str, file: SceneFile, folder: &Path) -> Result<Scene,
     let exposure = at.length("exposure", file.exposure)?;
     let ambient =
         [at.colour("ambient: up", file.ambient.up, 1e6)?, at.colour("ambient: down", file.ambient.down, 1e6)?];
+    let unit = match file.unit {
+        None => None,
+        Some(u) if (1e-6..=10.0).contains(&u) => Some(u),
+        Some(u) => return Err(at.error(format!("unit is {u}; it is metres per step of 16-bit depth, 0.000001 to 10"))),
+    };
+    let camera = file.view.camera.map(|c| camera(&at, c)).transpose()?;
     let sky = sky(&at, file.surroundings, folder)?;
     let mut places = BTreeMap::new();
     for (place, p) in file.places {
@@ -161,6 +176,8 @@ pub(super) fn build(name: &str, file: SceneFile, folder: &Path) -> Result<Scene,
         name: name.to_owned(),
         about: file.about,
         view,
+        camera,
+        unit,
         places,
         segments,
         objects,
@@ -171,6 +188,13 @@ pub(super) fn build(name: &str, file: SceneFile, folder: &Path) -> Result<Scene,
         ambient,
         exposure,
     })
+}
+
+fn camera(at: &At<'_>, c: CameraFile) -> Result<SimCamera, SimError> {
+    let [width, height] = c.size.map(|n| n as usize);
+    let ([fx, fy], [cx, cy]) = (c.focal, c.centre);
+    let camera = SimCamera { width, height, fx, fy, cx, cy, lens: [0.0; 8] }.in_f32();
+    camera.check().map(|()| camera).map_err(|e| at.error(format!("view: camera: {e}")))
 }
 
 fn shape(at: &At<'_>, of: &str, o: &ObjectFile, folder: &Path) -> Result<Shape, SimError> {
@@ -209,12 +233,56 @@ fn shape(at: &At<'_>, of: &str, o: &ObjectFile, folder: &Path) -> Result<Shape, 
             let waves = waves.collect::<Result<Vec<_>, SimError>>()?;
             Shape::Waves(Waves { half: [0.5 * length("size", size[0])?, 0.5 * length("size", size[1])?], waves })
         }
+        ShapeFile::Polyhedron { radius, faces, seed } => {
+            if *faces < 4 || *faces > MOST_FACES {
+                return Err(at.error(format!("{of}: {faces} faces; give 4 to {MOST_FACES}")));
+            }
+            let body = Polyhedron::around(length("radius", *radius)?, *faces, *seed);
+            Shape::Polyhedron(body.ok_or_else(|| {
+                at.error(match seed {
+                    None => format!(
+                        "{of}: no regular solid has {faces} faces; give 4, 6, 8, 12 or 20, or a seed for a random one"
+                    ),
+                    Some(_) => {
+                        format!("{of}: {faces} random faces that leave it open; give another seed, or more faces")
+                    }
+                })
+            })?)
+        }
+        ShapeFile::TorusKnot { radius, tube, winds, facets } => {
+            let (radius, tube) = (length("radius", *radius)?, length("tube", *tube)?);
+            if !winds.iter().all(|w| (1..=50).contains(w)) {
+                return Err(
+                    at.error(format!("{of}: winds {winds:?}; give how often it goes around and through, 1 to 50"))
+                );
+            }
+            if !facets.iter().all(|n| (3..=MOST_RINGS).contains(n)) {
+                return Err(at.error(format!("{of}: facets {facets:?}; give rings and sides, 3 to {MOST_RINGS}")));
+            }
+            solid(at, of, facets::torus_knot(radius, tube, *winds, *facets))?
+        }
+        ShapeFile::Icosphere { radius, level, roughness, seed } => {
+            if *level > MOST_LEVELS {
+                return Err(at.error(format!("{of}: level {level}; give 0 to {MOST_LEVELS}")));
+            }
+            let roughness = at.fraction(&format!("{of}: roughness"), *roughness)?;
+            solid(at, of, facets::icosphere(length("radius", *radius)?, *level, roughness, *seed))?
+        }
         ShapeFile::Mesh { file, scale } => {
             let path = folder.join(file);
             let mesh = mesh_file::read(&path, length("scale", *scale)?)?;
             Shape::Mesh(Arc::new(mesh))
         }
     })
+}
+
+/// A mesh made here rather than read.
+fn solid(at: &At<'_>, of: &str, triangles: Vec<Triangle>) -> Result<Shape, SimError> {
+    let mesh = Mesh::new(triangles);
+    if mesh.len() == 0 {
+        return Err(at.error(format!("{of} has no facet with an area")));
+    }
+    Ok(Shape::Mesh(Arc::new(mesh)))
 }
 
 fn material(at: &At<'_>, name: &str, m: MaterialFile, folder: &Path) -> Result<Material, SimError> {

@@ -12,6 +12,9 @@ pub(crate) struct SceneFile {
     pub(crate) view: ViewFile,
     #[serde(default = "one")]
     pub(crate) exposure: f64,
+    /// Metres per step of 16-bit depth, where the usual 1/5000 m would not reach.
+    #[serde(default)]
+    pub(crate) unit: Option<f64>,
     #[serde(default)]
     pub(crate) ambient: AmbientFile,
     #[serde(default)]
@@ -41,6 +44,17 @@ pub(crate) struct ViewFile {
     /// Half-axes of the ellipse that `walk` follows, metres along world x and z.
     #[serde(default = "roam")]
     pub(crate) roam: [f64; 2],
+    #[serde(default)]
+    pub(crate) camera: Option<CameraFile>,
+}
+
+/// The camera that a scene is meant for; all in pixels of the image size that it names.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct CameraFile {
+    pub(crate) size: [u32; 2],
+    pub(crate) focal: [f64; 2],
+    pub(crate) centre: [f64; 2],
 }
 
 const fn roam() -> [f64; 2] {
@@ -204,6 +218,30 @@ pub(crate) enum ShapeFile {
     Waves {
         size: [f64; 2],
         waves: Vec<WaveFile>,
+    },
+    /// All faces touch a ball; regular unless there is a seed.
+    Polyhedron {
+        radius: f64,
+        faces: u32,
+        #[serde(default)]
+        seed: Option<u64>,
+    },
+    TorusKnot {
+        radius: f64,
+        tube: f64,
+        /// Times around the axis, times through the hole.
+        winds: [u32; 2],
+        /// Rings along the tube, sides around it.
+        facets: [u32; 2],
+    },
+    Icosphere {
+        radius: f64,
+        /// 20 x 4^level facets.
+        level: u32,
+        #[serde(default)]
+        roughness: f64,
+        #[serde(default)]
+        seed: u64,
     },
     Mesh {
         file: PathBuf,

@@ -17,11 +17,15 @@ use std::path::Path;
 
 use crate::error::SimError;
 use crate::maths::V3;
+use crate::render::camera::SimCamera;
 use crate::render::light::Light;
 use crate::render::sky::Sky;
 use crate::render::surface::Material;
 use crate::shape::Shape;
 use motion::Motion;
+
+/// Full horizontal field of view unless a scene or an option says otherwise, radians.
+const FIELD_OF_VIEW: f64 = 1.1;
 
 /// A scene, checked and ready to be seen.
 #[derive(Debug, Clone)]
@@ -29,6 +33,9 @@ pub struct Scene {
     name: String,
     about: String,
     view: View,
+    /// Of the size that the scene's file names; `None`: the usual one.
+    camera: Option<SimCamera>,
+    pub(crate) unit: Option<f64>,
     places: BTreeMap<String, V3>,
     segments: Vec<String>,
     objects: Vec<Object>,
@@ -114,10 +121,36 @@ impl Scene {
         &self.view
     }
 
+    /// The camera that the scene is meant for, at this image size: the scene's own, scaled to the width and cropped to the height,
+    /// or else square pixels and 1.1 radians (63 degrees) from left to right.
+    ///
+    /// # Errors
+    /// [`SimError::Option`] for an unusable size.
+    pub fn camera(&self, width: usize, height: usize) -> Result<SimCamera, SimError> {
+        match &self.camera {
+            Some(own) => own.scaled_to(width, height),
+            None => SimCamera::from_fov(width, height, FIELD_OF_VIEW),
+        }
+    }
+
     /// Named places (metres): where a virtual object may stand and its light be asked for.
     #[must_use]
     pub const fn places(&self) -> &BTreeMap<String, V3> {
         &self.places
+    }
+
+    /// The same scene with one more place, or one moved: where its light is asked for, at any point (metres).
+    ///
+    /// # Errors
+    /// [`SimError::Option`] when the point is not finite.
+    pub fn with_place(mut self, name: &str, at: V3) -> Result<Self, SimError> {
+        if !at.is_finite() {
+            return Err(SimError::option(format!(
+                "the place {name:?} is at {at:?}; give three finite numbers in metres"
+            )));
+        }
+        self.places.insert(name.to_owned(), at);
+        Ok(self)
     }
 
     /// Names of the segments; segment id n (from 1) is the n-th of these, 0 is nothing.

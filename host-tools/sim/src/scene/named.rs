@@ -14,4 +14,17 @@ macro_rules! scenes {
     };
 }
 
-scenes!("wall", "tilted", "sphere", "corner", "stairs", "desk", "living-room", "corridor", "door");
+scenes!(
+    "wall",
+    "tilted",
+    "sphere",
+    "corner",
+    "stairs",
+    "desk",
+    "living-room",
+    "corridor",
+    "door",
+    "facets-easy",
+    "facets-medium",
+    "facets-hard",
+);

@@ -1,26 +1,28 @@
-//! Reading triangle meshes: Wavefront OBJ and PLY (text and little-endian binary). Positions, faces (of any number of corners,
-//! cut into fans) and OBJ texture coordinates are read; everything else in the files is skipped.
+//! Reading triangle meshes: Wavefront OBJ (through `tobj`) and PLY in text or binary of either order of bytes (through
+//! `ply-rs-bw`). Positions, faces (of any number of corners, cut into fans) and OBJ texture coordinates are read; everything
+//! else in the files is skipped, material files too. What is here is the way from those crates' lists to triangles, with
+//! every index checked.
 
 use std::path::Path;
 
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+
 use super::mesh::{Mesh, Triangle};
 use crate::error::SimError;
-use crate::maths::{V3, v3};
+use crate::maths::V3;
 
 /// Corners and triangles beyond this are refused.
 const MOST: usize = 20_000_000;
 
 /// Reads a mesh, by its file's ending.
 pub(crate) fn read(path: &Path, scale: f64) -> Result<Mesh, SimError> {
-    let broken = |what: String| SimError::Format {
-        path: path.into(),
-        what,
-        hint: "meshes are Wavefront .obj, or .ply in text or little-endian binary",
-    };
+    let broken =
+        |what: String| SimError::Format { path: path.into(), what, hint: "meshes are Wavefront .obj, or .ply" };
     let bytes = std::fs::read(path).map_err(SimError::read(path))?;
     let kind = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let triangles = match kind.as_str() {
-        "obj" => parse_obj(&String::from_utf8_lossy(&bytes)),
+        "obj" => parse_obj(&bytes),
         "ply" => parse_ply(&bytes),
         other => Err(format!("{other:?} is no kind of mesh that is read")),
     };
@@ -35,212 +37,23 @@ pub(crate) fn read(path: &Path, scale: f64) -> Result<Mesh, SimError> {
     Ok(mesh)
 }
 
-/// A corner: position and texture coordinates.
-type Corner = (V3, [f64; 2]);
-
-/// Cuts a face into triangles around its first corner.
-fn fan(corners: &[Corner], out: &mut Vec<Triangle>) {
-    let Some((a, rest)) = corners.split_first() else { return };
-    for pair in rest.windows(2) {
-        if let [b, c] = pair {
-            out.push(Triangle { a: a.0, b: b.0, c: c.0, uv: [a.1, b.1, c.1] });
-        }
-    }
-}
-
-/// The item that an OBJ index means: from 1, or back from the end.
-fn indexed<T: Copy>(items: &[T], index: &str) -> Option<T> {
-    let i: i64 = index.parse().ok()?;
-    let i = if i < 0 { items.len() as i64 + i } else { i - 1 };
-    usize::try_from(i).ok().and_then(|i| items.get(i)).copied()
-}
-
-pub(crate) fn parse_obj(text: &str) -> Result<Vec<Triangle>, String> {
-    let (mut points, mut uvs, mut out) = (Vec::new(), Vec::new(), Vec::new());
-    for (number, line) in text.lines().enumerate() {
-        let at = |what: String| format!("line {}: {what}", number + 1);
-        let mut words = line.split_whitespace();
-        let key = words.next().unwrap_or("");
-        if key == "v" || key == "vt" {
-            let numbers: Vec<f64> = words.map_while(|w| w.parse().ok()).collect();
-            match (key, numbers.as_slice()) {
-                ("v", [x, y, z, ..]) => points.push(v3(*x, *y, *z)),
-                // v counts upwards in OBJ, downwards here.
-                ("vt", [u, v, ..]) => uvs.push([*u, 1.0 - *v]),
-                _ => return Err(at(format!("{key:?} needs {} numbers", if key == "v" { 3 } else { 2 }))),
-            }
-        } else if key == "f" {
-            let mut corners: Vec<Corner> = Vec::new();
-            for word in words {
-                let mut parts = word.split('/');
-                let p = parts.next().and_then(|i| indexed(&points, i));
-                let p =
-                    p.ok_or_else(|| at(format!("the face's corner {word:?} is none of {} points", points.len())))?;
-                let uv = parts.next().and_then(|i| indexed(&uvs, i)).unwrap_or([0.0; 2]);
-                corners.push((p, uv));
-            }
-            if corners.len() < 3 {
-                return Err(at("a face needs three corners".into()));
-            }
-            fan(&corners, &mut out);
-        }
-        if points.len() > MOST || out.len() > MOST {
-            return Err(at(format!("more than {MOST} points or triangles")));
-        }
-    }
-    Ok(out)
-}
-
-/// The number types of PLY.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Number {
-    fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-}
-
-/// A property of an element.
-enum Property {
-    One(String, Number),
-    List(Number, Number),
-}
-
-/// Values in the order of the file, from text or bytes.
-enum Values<'a> {
-    Text(std::str::SplitAsciiWhitespace<'a>),
-    Binary(&'a [u8]),
-}
-
-impl Values<'_> {
-    fn next(&mut self, kind: Number) -> Option<f64> {
-        match self {
-            Self::Text(words) => words.next().and_then(|w| w.parse().ok()),
-            Self::Binary(bytes) => {
-                macro_rules! take {
-                    ($t:ty) => {{
-                        let (head, tail) = bytes.split_first_chunk()?;
-                        *bytes = tail;
-                        <$t>::from_le_bytes(*head) as f64
-                    }};
-                }
-                Some(match kind {
-                    Number::I8 => take!(i8),
-                    Number::U8 => take!(u8),
-                    Number::I16 => take!(i16),
-                    Number::U16 => take!(u16),
-                    Number::I32 => take!(i32),
-                    Number::U32 => take!(u32),
-                    Number::F32 => take!(f32),
-                    Number::F64 => take!(f64),
-                })
-            }
-        }
-    }
-}
-
-pub(crate) fn parse_ply(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
-    const END: &[u8] = b"end_header";
-    let end = bytes.windows(END.len()).position(|w| w == END).ok_or("no end_header: it is no PLY, or cut off")?;
-    let header = std::str::from_utf8(bytes.get(..end).unwrap_or(&[])).map_err(|_| "the header is no text")?;
-    let mut body = bytes.get(end + END.len()..).unwrap_or(&[]);
-    body = body.strip_prefix(b"\r").unwrap_or(body);
-    body = body.strip_prefix(b"\n").unwrap_or(body);
-    if !header.starts_with("ply") {
-        return Err("it does not begin with the word ply".into());
-    }
-    let mut elements: Vec<(String, usize, Vec<Property>)> = Vec::new();
-    let mut binary = None;
-    for line in header.lines() {
-        let words: Vec<&str> = line.split_ascii_whitespace().collect();
-        let number = |name: &str| Number::named(name).ok_or_else(|| format!("unknown number type in {line:?}"));
-        match words.as_slice() {
-            ["format", "ascii", ..] => binary = Some(false),
-            ["format", "binary_little_endian", ..] => binary = Some(true),
-            ["format", ..] => return Err(format!("{line:?} is not read; save it as text or little-endian")),
-            ["element", name, count] => {
-                let count = count
-                    .parse()
-                    .ok()
-                    .filter(|&n: &usize| n <= MOST)
-                    .ok_or_else(|| format!("bad count in {line:?}"))?;
-                elements.push(((*name).to_owned(), count, Vec::new()));
-            }
-            ["property", "list", count, item, _] => {
-                let property = Property::List(number(count)?, number(item)?);
-                elements.last_mut().ok_or("a property before any element")?.2.push(property);
-            }
-            ["property", kind, name] => {
-                let property = Property::One((*name).to_owned(), number(kind)?);
-                elements.last_mut().ok_or("a property before any element")?.2.push(property);
-            }
-            _ => {}
-        }
-    }
-    let mut values = if binary.ok_or("the header names no format")? {
-        Values::Binary(body)
-    } else {
-        Values::Text(std::str::from_utf8(body).map_err(|_| "the body is no text")?.split_ascii_whitespace())
-    };
-    let (mut points, mut out): (Vec<V3>, Vec<Triangle>) = (Vec::new(), Vec::new());
-    let mut corners = Vec::new();
-    for (name, count, properties) in &elements {
-        if properties.is_empty() {
-            continue;
-        }
-        for i in 0..*count {
-            let cut = || format!("{name} {i} of {count}: the file ends, or a number is broken");
-            let mut p = V3::ZERO;
-            for property in properties {
-                match property {
-                    Property::One(axis, kind) => {
-                        let v = values.next(*kind).ok_or_else(cut)?;
-                        match axis.as_str() {
-                            "x" => p.x = v,
-                            "y" => p.y = v,
-                            "z" => p.z = v,
-                            _ => {}
-                        }
-                    }
-                    Property::List(length, item) => {
-                        let n = values.next(*length).ok_or_else(cut)? as usize;
-                        corners.clear();
-                        for _ in 0..n {
-                            let index = values.next(*item).ok_or_else(cut)?;
-                            if name == "face" {
-                                let point = points.get(index as usize).filter(|_| index >= 0.0);
-                                let point = point
-                                    .ok_or_else(|| format!("face {i}: {index} is none of {} points", points.len()))?;
-                                corners.push((*point, [0.0; 2]));
-                            }
-                        }
-                        fan(&corners, &mut out);
-                    }
-                }
-            }
-            if name == "vertex" {
-                points.push(p);
-            }
+pub(crate) fn parse_obj(mut bytes: &[u8]) -> Result<Vec<Triangle>, String> {
+    let options = tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, single_index: false };
+    // Colours come from the scene: material files are not opened.
+    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let (models, _) = tobj::load_obj_buf(&mut bytes, &options, no_materials).map_err(|e| e.to_string())?;
+    let mut out = Vec::new();
+    for tobj::Model { mesh, name } in &models {
+        let (points, uvs) = (mesh.positions.as_chunks::<3>().0, mesh.texcoords.as_chunks::<2>().0);
+        let point = |i: u32| points.get(i as usize).map(|p| V3::from(*p));
+        // v counts upwards in OBJ, downwards here.
+        let uv = |k: usize| mesh.texcoord_indices.get(k).and_then(|&i| uvs.get(i as usize)).map(|[u, v]| [*u, 1.0 - v]);
+        for (n, [a, b, c]) in mesh.indices.as_chunks::<3>().0.iter().enumerate() {
+            let (Some(a), Some(b), Some(c)) = (point(*a), point(*b), point(*c)) else {
+                return Err(format!("{name}: triangle {n} names none of {} points", points.len()));
+            };
+            let uv = [0, 1, 2].map(|k| uv(3 * n + k).unwrap_or([0.0; 2]));
+            out.push(Triangle { a, b, c, uv });
             if out.len() > MOST {
                 return Err(format!("more than {MOST} triangles"));
             }
@@ -249,14 +62,105 @@ pub(crate) fn parse_ply(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
     Ok(out)
 }
 
+/// What is kept of an element of a PLY file: a vertex's place, or a face's corners.
+#[derive(Default)]
+struct Record {
+    place: V3,
+    corners: Vec<f64>,
+}
+
+impl PropertyAccess for Record {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let list = matches!(name, "vertex_indices" | "vertex_index");
+        let number = match property {
+            Property::Char(v) => f64::from(v),
+            Property::UChar(v) => f64::from(v),
+            Property::Short(v) => f64::from(v),
+            Property::UShort(v) => f64::from(v),
+            Property::Int(v) => f64::from(v),
+            Property::UInt(v) => f64::from(v),
+            Property::Float(v) => f64::from(v),
+            Property::Double(v) => v,
+            _ if !list => return PropertyAccessResult::Ignored,
+            Property::ListChar(v) => return self.keep(&v),
+            Property::ListUChar(v) => return self.keep(&v),
+            Property::ListShort(v) => return self.keep(&v),
+            Property::ListUShort(v) => return self.keep(&v),
+            Property::ListInt(v) => return self.keep(&v),
+            Property::ListUInt(v) => return self.keep(&v),
+            Property::ListFloat(_) | Property::ListDouble(_) => return PropertyAccessResult::Ignored,
+        };
+        match name {
+            "x" => self.place.x = number,
+            "y" => self.place.y = number,
+            "z" => self.place.z = number,
+            _ => return PropertyAccessResult::Ignored,
+        }
+        PropertyAccessResult::Set
+    }
+}
+
+impl Record {
+    fn keep<T: Copy + Into<f64>>(&mut self, list: &[T]) -> PropertyAccessResult {
+        self.corners = list.iter().map(|&v| v.into()).collect();
+        PropertyAccessResult::Set
+    }
+}
+
+pub(crate) fn parse_ply(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
+    let parser = Parser::<Record>::new();
+    let mut reader = Reader::new(bytes);
+    // The crate's messages show the line over several lines of their own.
+    let said = |e: ply_rs_bw::parser::ParseError| e.to_string().replace("\n\t", " ");
+    let header = parser.read_header(&mut reader).map_err(said)?;
+    let (mut points, mut out) = (Vec::new(), Vec::new());
+    for element in header.elements.values() {
+        if element.count > MOST {
+            return Err(format!("bad count of {}: {}; at most {MOST} are read", element.name, element.count));
+        }
+        let records = parser.read_payload_for_element(&mut reader, element, &header);
+        let records = records.map_err(|e| format!("{}: {}", element.name, said(e)))?;
+        match element.name.as_str() {
+            "vertex" => points.extend(records.iter().map(|r| r.place)),
+            "face" => {
+                for (i, face) in records.iter().enumerate() {
+                    let point = |&index: &f64| {
+                        let point = if index >= 0.0 { points.get(index as usize) } else { None };
+                        point.copied().ok_or_else(|| format!("face {i}: {index} is none of {} points", points.len()))
+                    };
+                    let corners = face.corners.iter().map(point).collect::<Result<Vec<V3>, String>>()?;
+                    fan(&corners, &mut out);
+                    if out.len() > MOST {
+                        return Err(format!("more than {MOST} triangles"));
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(out)
+}
+
+/// Cuts a face into triangles around its first corner.
+fn fan(corners: &[V3], out: &mut Vec<Triangle>) {
+    let Some((&a, rest)) = corners.split_first() else { return };
+    for &[b, c] in rest.array_windows() {
+        out.push(Triangle { a, b, c, uv: [[0.0; 2]; 3] });
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn obj_and_both_plys_give_the_same_square() {
+    fn obj_and_all_three_plys_give_the_same_square() {
         let obj = "# square\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1 4/1\nf -4 -3 -2\n";
-        let from_obj = parse_obj(obj).unwrap();
+        let from_obj = parse_obj(obj.as_bytes()).unwrap();
         assert_eq!(from_obj.len(), 3);
         let head = |format: &str| {
             format!(
@@ -271,7 +175,13 @@ mod tests {
         }
         binary.push(4);
         (0..4_i32).for_each(|i| binary.extend(i.to_le_bytes()));
-        for ply in [text.as_bytes(), &binary] {
+        let mut big = head("binary_big_endian").into_bytes();
+        for v in [0.0_f32, 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.] {
+            big.extend(v.to_be_bytes());
+        }
+        big.push(4);
+        (0..4_i32).for_each(|i| big.extend(i.to_be_bytes()));
+        for ply in [text.as_bytes(), &binary, &big] {
             let t = parse_ply(ply).unwrap();
             assert_eq!(t.len(), 2);
             assert_eq!((t[1].a, t[1].b, t[1].c), (from_obj[1].a, from_obj[1].b, from_obj[1].c));
@@ -279,18 +189,24 @@ mod tests {
     }
 
     #[test]
-    fn broken_meshes_say_where() {
-        assert!(parse_obj("v 0 0\n").unwrap_err().contains("line 1"));
-        assert!(parse_obj("v 0 0 0\nf 1 2 9\n").unwrap_err().contains("\"2\" is none of 1 points"));
-        assert!(
-            parse_ply(b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n1 2")
-                .unwrap_err()
-                .contains("vertex 2")
-        );
-        assert!(parse_ply(b"hello").is_err());
+    fn broken_meshes_say_what_is_wrong() {
+        assert!(parse_obj(b"v 0 0\n").unwrap_err().contains("position"));
+        assert!(parse_obj(b"v 0 0 0\nf 1 2 9\n").unwrap_err().contains("out of bounds"));
+        assert!(parse_obj(b"v 0 0 0\nf 1 -2 -9\n").is_err());
+        let cut = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n1\n2";
+        let error = parse_ply(cut).unwrap_err();
+        assert!(error.contains("vertex") && !error.contains('\n'), "{error}");
+        assert!(parse_ply(b"hello").is_err() && parse_ply(b"").is_err());
         let bomb = b"ply\nformat ascii 1.0\nelement vertex 99999999999\nend_header\n";
         assert!(parse_ply(bomb).unwrap_err().contains("bad count"));
-        let list = b"ply\nformat ascii 1.0\nelement face 1\nproperty list uint int v\nend_header\n4294967295 1";
-        assert!(parse_ply(list).is_err());
+        for format in ["ascii", "binary_little_endian"] {
+            let list = format!(
+                "ply\nformat {format} 1.0\nelement face 1\nproperty list uint int vertex_index\nend_header\n4294967295 1"
+            );
+            assert!(parse_ply(list.as_bytes()).is_err());
+        }
+        let astray = b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nelement face 1\n\
+            property list uchar int vertex_indices\nend_header\n1\n3 0 0 -1\n";
+        assert!(parse_ply(astray).unwrap_err().contains("-1 is none of 1 points"));
     }
 }

@@ -7,9 +7,11 @@
 //! |---|---|
 //! | `solids` | plane, rectangle, box, sphere, cylinder, capsule: closed forms |
 //! | `waves` | wavy height field: safe steps, then bisection |
+//! | `facets` | bodies of flat facets from a few numbers: polyhedra, torus knots, rough balls |
 //! | `mesh`, `mesh_file` | triangles with their own tree; OBJ and PLY |
 //! | `tree` | the bounding-volume tree that both meshes and scenes use |
 
+pub(crate) mod facets;
 pub(crate) mod mesh;
 pub(crate) mod mesh_file;
 pub(crate) mod solids;
@@ -19,6 +21,7 @@ pub(crate) mod waves;
 use std::sync::Arc;
 
 use crate::maths::{V3, v3};
+use facets::Polyhedron;
 use mesh::Mesh;
 use tree::Bounds;
 use waves::Waves;
@@ -61,6 +64,8 @@ pub(crate) enum Shape {
     Capsule { radius: f64, half: f64 },
     /// Over x and z, centred.
     Waves(Waves),
+    /// Convex, of flat faces.
+    Polyhedron(Polyhedron),
     /// Triangles.
     Mesh(Arc<Mesh>),
 }
@@ -77,6 +82,7 @@ impl Shape {
             Self::Cylinder { radius, half } => solids::cylinder(*radius, *half, ray, near, far),
             Self::Capsule { radius, half } => solids::capsule(*radius, *half, ray, near, far),
             Self::Waves(waves) => waves.intersect(ray, near, far),
+            Self::Polyhedron(body) => body.intersect(ray, near, far),
             Self::Mesh(mesh) => mesh.intersect(ray, near, far),
         }
     }
@@ -96,6 +102,7 @@ impl Shape {
                 solids::sphere_surface(p - centre)
             }
             Self::Waves(waves) => (waves.normal(p.x, p.z), [p.x, p.z]),
+            Self::Polyhedron(body) => (body.normal(part), [p.x, p.z]),
             Self::Mesh(mesh) => mesh.surface(p, part),
         }
     }
@@ -110,6 +117,7 @@ impl Shape {
             Self::Cylinder { radius, half } => v3(*radius, *half, *radius),
             Self::Capsule { radius, half } => v3(*radius, half + radius, *radius),
             Self::Waves(waves) => waves.half(),
+            Self::Polyhedron(body) => body.half(),
             Self::Mesh(mesh) => return Some(mesh.bounds()),
         };
         Some(Bounds { min: -half, max: half })
