@@ -37,7 +37,7 @@ pub struct Figure {
 }
 
 /// A table; the first column is a heading, numbers stand to the right.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Table {
     /// Above the table.
     pub title: String,
@@ -47,6 +47,10 @@ pub struct Table {
     pub header: Vec<String>,
     /// Cells, as long as the header.
     pub rows: Vec<Vec<String>>,
+    /// Which rows to show in red.
+    pub bad: Vec<usize>,
+    /// Shut until the reader opens it, for what is long.
+    pub folded: bool,
 }
 
 /// The page's parts.
@@ -124,13 +128,19 @@ impl Figure {
 
 impl Table {
     fn html(&self, out: &mut String) {
-        let _ = writeln!(out, "<div class=\"table\"><h2>{}</h2><table><thead><tr>", escape(&self.title));
+        let title = escape(&self.title);
+        let (open, shut) = if self.folded {
+            (format!("<details><summary><h2>{title}</h2></summary>"), "</details>")
+        } else {
+            (format!("<h2>{title}</h2>"), "")
+        };
+        let _ = writeln!(out, "<div class=\"table\">{open}<table><thead><tr>");
         for cell in &self.header {
             let _ = write!(out, "<th scope=\"col\">{}</th>", escape(cell));
         }
         out.push_str("</tr></thead><tbody>\n");
-        for row in &self.rows {
-            out.push_str("<tr>");
+        for (i, row) in self.rows.iter().enumerate() {
+            out.push_str(if self.bad.contains(&i) { "<tr class=\"bad\">" } else { "<tr>" });
             for (i, cell) in row.iter().enumerate() {
                 let cell = escape(cell);
                 let _ =
@@ -138,7 +148,7 @@ impl Table {
             }
             out.push_str("</tr>\n");
         }
-        let _ = writeln!(out, "</tbody></table><p>{}</p></div>", escape(&self.note));
+        let _ = writeln!(out, "</tbody></table><p>{}</p>{shut}</div>", escape(&self.note));
     }
 }
 
@@ -153,7 +163,12 @@ mod tests {
             subtitle: "one & two".into(),
             cards: vec![],
             figures: vec![],
-            tables: vec![Table { title: "t".into(), note: String::new(), header: vec!["<i>".into()], rows: vec![] }],
+            tables: vec![Table {
+                title: "t".into(),
+                note: String::new(),
+                header: vec!["<i>".into()],
+                ..Table::default()
+            }],
             notes: vec!["<u>".into()],
         }
         .html();
