@@ -12,7 +12,7 @@ use crate::row::Row;
 /// Errors that differ by less than this part are the same.
 pub const SAME_ERROR: f64 = 0.01;
 /// Times that differ by less than this part are the same: what the best of several rounds wavers by.
-pub const SAME_TIME: f64 = 0.03;
+pub const SAME_TIME: f64 = 0.05;
 /// Who answers less than this part of the readings, percent, is marked.
 pub const ANSWERED: f64 = 98.0;
 /// Who invents normals, or faces away, in more than this part of the pixels, percent, is marked.

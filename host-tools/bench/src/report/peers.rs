@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 
 use super::terminal::{WIDTH, heading, wrapped};
 use super::{Report, number};
-use crate::compare::{Comparison, Verdict};
-use crate::input::Sensor;
+use crate::compare::{Against, Comparison, Verdict};
+use crate::input::{Sensor, median};
 use crate::row::Row;
 
 /// How a line of the terminal's text begins that tells where isobath is beaten; a terminal shows it in red.
@@ -18,7 +18,7 @@ const NAME: usize = 20;
 
 /// One method over the scenes of a row, sensor and size.
 struct Summary {
-    /// Geometric means of the ratios.
+    /// Medians of the ratios: where isobath makes no error at all, a ratio is infinite.
     time: f64,
     error: f64,
     /// In how many scenes a setting of isobath beats it, it beats all of them, and how many there are.
@@ -114,13 +114,13 @@ fn summary(comparisons: &[&Comparison], sensor: Sensor, method: &str) -> Option<
         .flat_map(|c| &c.against)
         .filter(|a| a.method == method)
         .collect();
-    let mean = |of: fn(&crate::compare::Against) -> f64| {
-        let logs: Vec<f64> = all.iter().map(|a| of(a).ln()).filter(|l| !l.is_nan()).collect();
-        (logs.iter().sum::<f64>() / logs.len() as f64).exp()
+    let middle = |of: fn(&Against) -> f64| {
+        let mut ratios: Vec<f64> = all.iter().map(|a| of(a)).filter(|r| !r.is_nan()).collect();
+        median(&mut ratios)
     };
     (!all.is_empty()).then(|| Summary {
-        time: mean(|a| a.time_ratio),
-        error: mean(|a| a.error_ratio),
+        time: middle(|a| a.time_ratio),
+        error: middle(|a| a.error_ratio),
         beaten: all.iter().filter(|a| matches!(a.verdict, Verdict::Beaten(_))).count(),
         beats_all: all.iter().filter(|a| a.verdict == Verdict::BeatsAll).count(),
         scenes: all.len(),
@@ -164,7 +164,7 @@ pub(super) fn text(report: &Report, out: &mut String) {
     let mut say = |text: &str| wrapped(text, WIDTH - 2).iter().for_each(|l| _ = writeln!(out, "{l}"));
     if !comparisons.is_empty() {
         say(
-            "time, error: the peer's by those of isobath's best setting that no peer beats, geometric mean over scenes; above 1x the \
+            "time, error: the peer's by those of isobath's best setting that no peer beats, median over scenes; above 1x the \
              peer is slower, further off. lead 3/8: in 3 of 8 scenes a setting of isobath beats it in both; 2!: in 2 scenes it \
              beats every setting.",
         );
