@@ -134,7 +134,9 @@ impl Table {
         } else {
             (format!("<h2>{title}</h2>"), "")
         };
-        let _ = writeln!(out, "<div class=\"table\">{open}<table><thead><tr>");
+        // Many columns don't fit beside another table.
+        let wide = if self.header.len() > 5 { " wide" } else { "" };
+        let _ = writeln!(out, "<div class=\"table{wide}\">{open}<table><thead><tr>");
         for cell in &self.header {
             let _ = write!(out, "<th scope=\"col\">{}</th>", escape(cell));
         }
@@ -176,5 +178,17 @@ mod tests {
         for outside in ["http://", "https://", "<script", "<link", "url("] {
             assert!(!page.contains(outside), "{outside}");
         }
+    }
+    #[test]
+    fn rows_are_red_and_tables_fold_when_asked() {
+        let rows = vec![vec!["fine".to_owned()], vec!["lost".to_owned()]];
+        let table = Table { title: "t".into(), rows, bad: vec![1], folded: true, ..Table::default() };
+        let mut out = String::new();
+        table.html(&mut out);
+        assert!(
+            out.contains("<tr class=\"bad\"><th scope=\"row\">lost") && out.matches("class=\"bad\"").count() == 1,
+            "{out}"
+        );
+        assert!(out.contains("<details><summary><h2>t</h2></summary>") && out.contains("</details></div>"), "{out}");
     }
 }

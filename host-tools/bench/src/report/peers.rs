@@ -58,7 +58,11 @@ fn losses(comparisons: &[Comparison]) -> Vec<String> {
         let winners: Vec<String> = names(group)
             .into_iter()
             .filter_map(|name| {
-                let s = summary(group, sensor, &name).filter(|s| s.beats_all > 0)?;
+                // Ratios of the scenes where it wins: elsewhere they may be the other way round.
+                let wins =
+                    |c: &&&Comparison| c.against.iter().any(|a| a.method == name && a.verdict == Verdict::BeatsAll);
+                let won: Vec<&Comparison> = group.iter().filter(wins).copied().collect();
+                let s = summary(&won, sensor, &name)?;
                 Some(format!("{name} (beats all in {}; {} time, {} error)", s.beats_all, times(s.time), times(s.error)))
             })
             .collect();
@@ -196,14 +200,17 @@ pub(super) fn page(report: &Report, page: &mut Page) {
     });
     let losses = losses(&comparisons);
     if !losses.is_empty() {
-        page.tables.push(Table {
-            title: "Where peers beat every setting of isobath".into(),
-            note: "Ratios are the peer's by isobath's: below 1x it is faster, nearer.".into(),
-            header: vec!["comparison: peer".into()],
-            bad: (0..losses.len()).collect(),
-            rows: losses.into_iter().map(|l| vec![l]).collect(),
-            ..Table::default()
-        });
+        page.tables.insert(
+            0,
+            Table {
+                title: "Where peers beat every setting of isobath".into(),
+                note: "Ratios are the peer's by isobath's: below 1x it is faster, nearer.".into(),
+                header: vec!["comparison: peer".into()],
+                bad: (0..losses.len()).collect(),
+                rows: losses.into_iter().map(|l| vec![l]).collect(),
+                ..Table::default()
+            },
+        );
     }
     for (row, size, of) in tables(report, &comparisons) {
         for &sensor in row.sensors {
