@@ -1,7 +1,7 @@
 //! `cargo xtask VERB`: the one entry point for isobath's checks, data and documents, the same on a desk and in CI.
 //!
-//! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`fuzz`] and
-//! [`motorcycle`] are the verbs with more than one command behind them.
+//! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`fuzz`],
+//! [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
 
 use std::process::ExitCode;
 
@@ -9,6 +9,7 @@ use anyhow::{Result, bail};
 
 mod fuzz;
 mod motorcycle;
+mod peers;
 mod proof;
 mod shell;
 mod suites;
@@ -72,6 +73,15 @@ const VERBS: &[Verb] = &[
             let rest = args.iter().skip(usize::from(args.first().is_some_and(|a| a == "--")));
             Cmd::new("cargo").args(["bench", "--workspace", "--benches", "--"]).args(rest).run()
         },
+    },
+    Verb {
+        name: "peers",
+        arguments: "",
+        summary: "get other libraries (OpenCV, Open3D, PCL, ...) for `isobath bench --peers`",
+        details: "Makes target/peers: a Python of its own with the versions of host-tools/bench/peers/requirements.txt (about 1.5 GB), and\n\
+                  a worker for PCL, for which Debian's packages are installed where they can be (0.25 GB). A library that can't be had\n\
+                  is told and left out. No check needs any of it.",
+        run: peers::verb,
     },
     Verb {
         name: "docs",

@@ -65,6 +65,11 @@ impl Cmd {
         Self::new("rustup").args(["run", toolchain, "cargo"])
     }
 
+    /// One more argument.
+    pub(crate) fn arg(self, arg: impl AsRef<OsStr>) -> Self {
+        self.args([arg])
+    }
+
     /// More arguments.
     pub(crate) fn args<S: AsRef<OsStr>>(mut self, args: impl IntoIterator<Item = S>) -> Self {
         self.command.args(args);
@@ -160,19 +165,9 @@ pub(crate) fn ensure_cargo_tool(name: &str, version: &str, probe: &[&str], why: 
 
 /// A program, or the Debian package that holds it (installed when we are root and there is apt).
 pub(crate) fn ensure_debian(program: &str, package: &str, why: &str) -> Result<()> {
-    static UPDATE: Once = Once::new();
     let there = || Cmd::new("sh").args(["-c", &format!("command -v {program}")]).succeeds();
-    if there() {
-        return Ok(());
-    }
-    let root = Cmd::new("id").args(["-u"]).read().is_ok_and(|(_, id, _)| id.trim() == "0");
-    if root && Cmd::new("apt-get").args(["--version"]).succeeds() {
-        let apt = || Cmd::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive");
-        UPDATE.call_once(|| {
-            // A list that could not be refreshed may still hold the package.
-            let _ = apt().args(["update", "-qq"]).run();
-        });
-        let _ = apt().args(["install", "-y", "-qq", "--no-install-recommends", package]).run();
+    if !there() {
+        apt_install(package);
     }
     if there() {
         return Ok(());
@@ -182,4 +177,33 @@ pub(crate) fn ensure_debian(program: &str, package: &str, why: &str) -> Result<(
         why,
         &format!("apt-get install {package} (as root; elsewhere, the package that holds `{program}`)"),
     ))
+}
+
+/// A Debian package that holds no program: a library, or headers.
+pub(crate) fn ensure_debian_package(package: &str, why: &str) -> Result<()> {
+    let there = || {
+        let status = Cmd::new("dpkg-query").args(["-W", "-f", "${Status}", package]).read();
+        status.is_ok_and(|(_, text, _)| text.ends_with("ok installed"))
+    };
+    if !there() {
+        apt_install(package);
+    }
+    if there() {
+        return Ok(());
+    }
+    Err(missing(package, why, &format!("apt-get install --no-install-recommends {package} (as root, on Debian)")))
+}
+
+/// Installs a package when we are root and there is apt; the caller sees whether it went well.
+fn apt_install(package: &str) {
+    static UPDATE: Once = Once::new();
+    let root = Cmd::new("id").args(["-u"]).read().is_ok_and(|(_, id, _)| id.trim() == "0");
+    if root && Cmd::new("apt-get").args(["--version"]).succeeds() {
+        let apt = || Cmd::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive");
+        UPDATE.call_once(|| {
+            // A list that could not be refreshed may still hold the package.
+            let _ = apt().args(["update", "-qq"]).run();
+        });
+        let _ = apt().args(["install", "-y", "-qq", "--no-install-recommends", package]).run();
+    }
 }

@@ -77,6 +77,8 @@ pub struct Input {
     pub pose: Pose,
     /// Of noise and of the questions asked.
     pub seed: u64,
+    /// Whether methods leave their whole answer in memory, as other libraries do, where they could hand it over row by row.
+    pub keep: bool,
 }
 
 /// Runs an expression with `$frame` as the input's [`DepthFrame`], whichever type its depth has.
@@ -112,7 +114,7 @@ impl Input {
         let pose = Pose::new(rotation, vec3(place.translation)).unwrap_or(Pose::IDENTITY);
         let (scene, truth) = (Arc::new(scene), Arc::new(truth));
         let depth = Depth::F32(Vec::new());
-        let input = Self { scene, sensor, truth, depth, camera, place, intrinsics, pose, seed };
+        let input = Self { scene, sensor, truth, depth, camera, place, intrinsics, pose, seed, keep: false };
         Ok(input.sensed_by(sensor))
     }
 
@@ -276,8 +278,16 @@ impl Random {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// A wall without a reading in its upper half.
+    pub(crate) fn half_a_wall() -> Input {
+        let input = Input::new("wall", Sensor::Exact, (64, 48), 1).unwrap();
+        let mut truth = GroundTruth::clone(&input.truth);
+        truth.z[..64 * 24].fill(0.0);
+        Input { truth: Arc::new(truth), ..input }.sensed_by(Sensor::Exact)
+    }
 
     #[test]
     fn the_frame_and_the_truth_agree() {

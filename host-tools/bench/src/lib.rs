@@ -15,6 +15,7 @@
 //! | `rows` | one file a capability; `rows/mod.rs` lists them |
 //! | `skips` | features that skip: how much, how much faster, and that the answer is the same |
 //! | `measure` | timing, alternating; [`pareto`] who is beaten by nobody |
+//! | [`peers`] | other libraries, in processes of their own; [`compare`] who beats whom |
 //! | [`report`] | what came out, and its four forms |
 //!
 //! # A new row
@@ -36,20 +37,24 @@
 //!         let truth = input.truth.z.iter().sum::<f64>() / input.pixels() as f64;
 //!         vec![Method::new("sum", input.pixels(), move || { mean(); }, move || Score::of([(mean() - truth).abs() * 1e3]))]
 //!     },
+//!     answers: None,
 //! };
 //! let input = Input::new("wall", Sensor::Exact, (16, 12), 0)?;
 //! assert_eq!((MEAN_DEPTH.methods)(&input)[0].score().errors[0], 0.0);
 //! # Ok::<(), isobath_bench::BenchError>(())
 //! ```
 
+pub mod compare;
 pub mod input;
 mod measure;
 pub mod pareto;
+pub mod peers;
 pub mod report;
 pub mod row;
 mod rows;
 mod skips;
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use input::Input;
@@ -73,11 +78,14 @@ pub enum BenchError {
         /// What was asked for.
         filter: String,
     },
+    /// There are no other libraries to compare with.
+    #[error(transparent)]
+    Peers(#[from] peers::PeersError),
     /// A report can't be written.
     #[error("can't write {path}: {error}")]
     Write {
         /// Where.
-        path: std::path::PathBuf,
+        path: PathBuf,
         /// Why.
         error: std::io::Error,
     },
@@ -94,11 +102,13 @@ pub struct Options {
     pub sizes: Vec<(usize, usize)>,
     /// Of noise and of the questions asked.
     pub seed: u64,
+    /// The folder that `cargo xtask peers` made: other libraries are measured beside isobath.
+    pub peers: Option<PathBuf>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { filter: Vec::new(), quick: false, sizes: Vec::new(), seed: 1 }
+        Self { filter: Vec::new(), quick: false, sizes: Vec::new(), seed: 1, peers: None }
     }
 }
 
@@ -132,20 +142,32 @@ pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, Benc
         sizes => sizes,
     };
     let scenes = if options.quick { QUICK_SCENES } else { SCENES };
-    let mut report = Report { seed: options.seed, quick: options.quick, results: Vec::new(), skips: Vec::new() };
+    let peers = options.peers.as_deref().map(|folder| {
+        tell("starting the other libraries");
+        peers::Peers::start(folder)
+    });
+    let peers = peers.transpose()?;
+    let mut report =
+        Report { seed: options.seed, quick: options.quick, results: Vec::new(), skips: Vec::new(), peers: None };
     for &size in sizes {
         for &scene in scenes {
-            let base = Input::new(scene, input::Sensor::Exact, size, options.seed)?;
+            let mut base = Input::new(scene, input::Sensor::Exact, size, options.seed)?;
+            base.keep = peers.is_some();
             for &sensor in input::Sensor::ALL {
                 let input = base.sensed_by(sensor);
+                if let Some(peers) = &peers {
+                    peers.load(&input);
+                }
                 for row in ALL.iter().filter(|r| wanted(r.name) && r.sensors.contains(&sensor) && r.takes(scene)) {
                     tell(&format!("{}: {scene}, {}, {}x{}", row.name, sensor.label(), size.0, size.1));
                     let mut methods = (row.methods)(&input);
+                    methods.extend(peers.iter().flat_map(|p| p.methods(row, &input)));
                     let times = measure::alternating(&mut methods, &effort);
-                    for (method, time) in methods.iter_mut().zip(times) {
+                    // Who could not run has no time, and is in the report's list of troubles.
+                    for (method, time) in methods.iter_mut().zip(times).filter(|(_, t)| !t.best.is_nan()) {
                         let score = method.score();
-                        let name = method.name().to_owned();
-                        report.results.push(Found { row, scene, sensor, size, method: name, time, score });
+                        let (name, peer) = (method.name().to_owned(), method.peer().map(str::to_owned));
+                        report.results.push(Found { row, scene, sensor, size, method: name, peer, time, score });
                     }
                 }
             }
@@ -155,5 +177,6 @@ pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, Benc
             }
         }
     }
+    report.peers = peers.map(|p| p.beside());
     Ok(report)
 }

@@ -1,6 +1,6 @@
 //! Timing. Methods take turns, so that what slows the machine down slows all of them down; of several rounds the best is
 //! the time without disturbance, the median what one may expect. Where the system tells (Unix), the thread's own processor
-//! time is counted, so that a busy machine does not show.
+//! time is counted, so that a busy machine does not show. Methods of other programs tell their own processor time.
 
 use std::time::Duration;
 
@@ -18,13 +18,14 @@ pub(crate) struct Effort {
     pub(crate) longest: Duration,
 }
 
-/// Nanoseconds per unit of each method.
+/// Nanoseconds per unit of each method; NaN of one that could not run.
 pub(crate) fn alternating(methods: &mut [Method<'_>], effort: &Effort) -> Vec<Time> {
     // Warms caches up, and tells how often to repeat.
     let plans: Vec<(usize, usize)> = methods
         .iter_mut()
         .map(|method| {
-            let one = once(|| method.run()).max(Duration::from_nanos(20));
+            let Some(one) = method.spend(1, once) else { return (0, 0) };
+            let one = one.max(Duration::from_nanos(20));
             let repeats = (effort.batch.as_nanos() / one.as_nanos()).clamp(1, 100_000) as usize;
             let turn = one.as_nanos() * repeats as u128;
             let turns = (effort.longest.as_nanos() / turn).clamp(2, effort.rounds.max(2) as u128) as usize;
@@ -34,8 +35,9 @@ pub(crate) fn alternating(methods: &mut [Method<'_>], effort: &Effort) -> Vec<Ti
     let mut times: Vec<Vec<f64>> = methods.iter().map(|_| Vec::new()).collect();
     for round in 0..effort.rounds.max(2) {
         for ((method, &(repeats, turns)), list) in methods.iter_mut().zip(&plans).zip(&mut times) {
-            if round < turns {
-                let time = once(|| (0..repeats).for_each(|_| method.run()));
+            if round < turns
+                && let Some(time) = method.spend(repeats, once)
+            {
                 list.push(time.as_nanos() as f64 / (repeats * method.units()) as f64);
             }
         }
@@ -43,7 +45,7 @@ pub(crate) fn alternating(methods: &mut [Method<'_>], effort: &Effort) -> Vec<Ti
     times.iter_mut().map(|list| Time::of(list)).collect()
 }
 
-fn once(what: impl FnOnce()) -> Duration {
+fn once(what: &mut dyn FnMut()) -> Duration {
     let start = now();
     what();
     now().saturating_sub(start)
@@ -86,5 +88,21 @@ mod tests {
         let times = alternating(&mut methods, &effort);
         assert_eq!(b.get(), 3, "once to warm up and the two turns everybody gets");
         assert!(a.get() >= 3 && times.iter().all(|t| t.best > 0.0 && t.best <= t.median));
+    }
+    #[test]
+    fn who_tells_its_own_time_is_believed_and_who_fails_has_none() {
+        let asked = Cell::new(0);
+        let slow = |repeats: usize| {
+            asked.set(asked.get() + repeats);
+            Some(Duration::from_micros(70) * u32::try_from(repeats).unwrap())
+        };
+        let score = || Score::of([0.0]);
+        let mut methods =
+            [Method::told("slow", 7, "peer 1", slow, score), Method::told("gone", 7, "peer 2", |_| None, score)];
+        let effort = Effort { rounds: 3, batch: Duration::from_millis(1), longest: Duration::from_secs(1) };
+        let times = alternating(&mut methods, &effort);
+        assert_eq!((times[0].best, times[0].median), (10_000.0, 10_000.0));
+        assert_eq!(asked.get(), 1 + 3 * 14, "once to warm up, then batches of a millisecond");
+        assert!(times[1].best.is_nan());
     }
 }

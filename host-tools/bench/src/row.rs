@@ -1,6 +1,7 @@
 //! The vocabulary: what is compared with what, in which units.
 
 use std::fmt;
+use std::time::Duration;
 
 use crate::input::{Input, Sensor};
 
@@ -21,6 +22,8 @@ pub struct Row {
     pub scenes: &'static [&'static str],
     /// What is compared, ready to run on an input.
     pub methods: for<'a> fn(&'a Input) -> Vec<Method<'a>>,
+    /// How another program's answer is scored: three numbers a pixel, rows from the top, camera frame. `None`: nobody else is asked.
+    pub answers: Option<fn(&Input, &[f32]) -> Score>,
 }
 
 impl Row {
@@ -57,13 +60,28 @@ impl Score {
     pub fn of<const N: usize>(errors: [f64; N]) -> Self {
         Self { errors: errors.to_vec() }
     }
+
+    /// Nothing to say of any of a row's errors.
+    #[must_use]
+    pub fn none(row: &Row) -> Self {
+        Self { errors: vec![f64::NAN; row.errors.len()] }
+    }
+}
+
+/// How a method's time is known.
+enum Work<'a> {
+    /// We run it and look at the clock.
+    Watched(Box<dyn FnMut() + 'a>),
+    /// It runs so many times and tells what that took; `None` when it could not.
+    Told(Box<dyn FnMut(usize) -> Option<Duration> + 'a>),
 }
 
 /// One method with its knobs set, bound to one input.
 pub struct Method<'a> {
     name: String,
     units: usize,
-    run: Box<dyn FnMut() + 'a>,
+    peer: Option<String>,
+    work: Work<'a>,
     score: Box<dyn FnMut() -> Score + 'a>,
 }
 
@@ -81,7 +99,30 @@ impl<'a> Method<'a> {
         run: impl FnMut() + 'a,
         score: impl FnMut() -> Score + 'a,
     ) -> Self {
-        Self { name: name.into(), units: units.max(1), run: Box::new(run), score: Box::new(score) }
+        Self {
+            name: name.into(),
+            units: units.max(1),
+            peer: None,
+            work: Work::Watched(Box::new(run)),
+            score: Box::new(score),
+        }
+    }
+
+    /// A method of `peer` (another library, with its version), which runs so many times and tells the time it took itself.
+    pub fn told(
+        name: impl Into<String>,
+        units: usize,
+        peer: impl Into<String>,
+        run: impl FnMut(usize) -> Option<Duration> + 'a,
+        score: impl FnMut() -> Score + 'a,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            units: units.max(1),
+            peer: Some(peer.into()),
+            work: Work::Told(Box::new(run)),
+            score: Box::new(score),
+        }
     }
 
     /// Its name and knobs.
@@ -96,9 +137,30 @@ impl<'a> Method<'a> {
         self.units
     }
 
+    /// The other library that answers, with its version; `None` for isobath.
+    #[must_use]
+    pub fn peer(&self) -> Option<&str> {
+        self.peer.as_deref()
+    }
+
     /// Runs it once.
     pub fn run(&mut self) {
-        (self.run)();
+        match &mut self.work {
+            Work::Watched(run) => run(),
+            Work::Told(run) => _ = run(1),
+        }
+    }
+
+    /// The time that `repeats` runs take, by `stopwatch` where the method does not tell it; `None` when it could not run.
+    pub(crate) fn spend(
+        &mut self,
+        repeats: usize,
+        stopwatch: impl FnOnce(&mut dyn FnMut()) -> Duration,
+    ) -> Option<Duration> {
+        match &mut self.work {
+            Work::Watched(run) => Some(stopwatch(&mut || (0..repeats).for_each(|_| run()))),
+            Work::Told(run) => run(repeats),
+        }
     }
 
     /// Compares its answers with the truth.

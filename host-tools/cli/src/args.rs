@@ -482,9 +482,10 @@ fn vec3(text: &str) -> Result<Vec3, String> {
 
 /// What is measured.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  isobath bench --quick\n  isobath bench --filter normals --size 640x480\n\n\
-    Times are the thread's own processor time, nanoseconds, of the best of several\nrounds in turn. DIR gets bench.html \
-    (plots), bench.csv and bench.json.")]
+#[command(after_help = "Examples:\n  isobath bench --quick\n  isobath bench --filter normals --size 640x480\n  \
+    isobath bench --filter normals --peers\n\n\
+    Times are the thread's own processor time, nanoseconds, of the best of several\nrounds in turn. The report's folder gets bench.html \
+    (plots), bench.csv and\nbench.json. Other libraries run in processes of their own, one core each.")]
 pub(crate) struct BenchArgs {
     /// Only what has this in its name; may be given several times
     #[arg(long, value_name = "NAME")]
@@ -501,6 +502,11 @@ pub(crate) struct BenchArgs {
     /// Of the noise and of the questions asked: the same seed asks the same
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+
+    /// Beside other libraries (OpenCV, Open3D, PCL, librealsense) on the same frames; `cargo xtask peers` makes them, in
+    /// target/peers, which is where they are looked for when no folder is named
+    #[arg(long, value_name = "PEERS", num_args = 0..=1, default_missing_value = "target/peers")]
+    pub(crate) peers: Option<PathBuf>,
 
     /// Folder for the report
     #[arg(long, value_name = "DIR", default_value = "out/bench")]

@@ -1,6 +1,6 @@
 //! What the program says on stdout: a few lines for people, or one JSON object for machines; never both.
 //!
-//! Text is gathered and written once, so a reader that closes the pipe early (`| head`) is no error. Bold and dim only on
+//! Text is gathered and written once, so a reader that closes the pipe early (`| head`) is no error. Bold, dim and red only on
 //! a terminal, and never with `NO_COLOR` set. Tables fit 80 columns: the last column is cut first.
 
 use std::fmt::Write as _;
@@ -31,6 +31,12 @@ impl Say {
     /// A headline.
     pub(crate) fn head(&mut self, text: &str) {
         let line = self.styled("1", text);
+        self.line(&line);
+    }
+
+    /// A line that must not be overlooked: red.
+    pub(crate) fn alarm(&mut self, text: &str) {
+        let line = self.styled("31", text);
         self.line(&line);
     }
 

@@ -508,4 +508,7 @@ fn the_bench_says_how_long_and_how_wrong() {
     let refused = isobath(&["bench", "--filter", "nonsense"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(stderr(&refused).contains("raycast"), "{}", stderr(&refused));
+    let refused = isobath(&["bench", "--filter", "pyramid", "--peers", "/nowhere"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("cargo xtask peers"), "{}", stderr(&refused));
 }

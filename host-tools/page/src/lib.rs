@@ -37,7 +37,7 @@ pub struct Figure {
 }
 
 /// A table; the first column is a heading, numbers stand to the right.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Table {
     /// Above the table.
     pub title: String,
@@ -47,6 +47,10 @@ pub struct Table {
     pub header: Vec<String>,
     /// Cells, as long as the header.
     pub rows: Vec<Vec<String>>,
+    /// Which rows to show in red.
+    pub bad: Vec<usize>,
+    /// Shut until the reader opens it, for what is long.
+    pub folded: bool,
 }
 
 /// The page's parts.
@@ -124,13 +128,21 @@ impl Figure {
 
 impl Table {
     fn html(&self, out: &mut String) {
-        let _ = writeln!(out, "<div class=\"table\"><h2>{}</h2><table><thead><tr>", escape(&self.title));
+        let title = escape(&self.title);
+        let (open, shut) = if self.folded {
+            (format!("<details><summary><h2>{title}</h2></summary>"), "</details>")
+        } else {
+            (format!("<h2>{title}</h2>"), "")
+        };
+        // Many columns don't fit beside another table.
+        let wide = if self.header.len() > 5 { " wide" } else { "" };
+        let _ = writeln!(out, "<div class=\"table{wide}\">{open}<table><thead><tr>");
         for cell in &self.header {
             let _ = write!(out, "<th scope=\"col\">{}</th>", escape(cell));
         }
         out.push_str("</tr></thead><tbody>\n");
-        for row in &self.rows {
-            out.push_str("<tr>");
+        for (i, row) in self.rows.iter().enumerate() {
+            out.push_str(if self.bad.contains(&i) { "<tr class=\"bad\">" } else { "<tr>" });
             for (i, cell) in row.iter().enumerate() {
                 let cell = escape(cell);
                 let _ =
@@ -138,7 +150,7 @@ impl Table {
             }
             out.push_str("</tr>\n");
         }
-        let _ = writeln!(out, "</tbody></table><p>{}</p></div>", escape(&self.note));
+        let _ = writeln!(out, "</tbody></table><p>{}</p>{shut}</div>", escape(&self.note));
     }
 }
 
@@ -153,7 +165,12 @@ mod tests {
             subtitle: "one & two".into(),
             cards: vec![],
             figures: vec![],
-            tables: vec![Table { title: "t".into(), note: String::new(), header: vec!["<i>".into()], rows: vec![] }],
+            tables: vec![Table {
+                title: "t".into(),
+                note: String::new(),
+                header: vec!["<i>".into()],
+                ..Table::default()
+            }],
             notes: vec!["<u>".into()],
         }
         .html();
@@ -161,5 +178,17 @@ mod tests {
         for outside in ["http://", "https://", "<script", "<link", "url("] {
             assert!(!page.contains(outside), "{outside}");
         }
+    }
+    #[test]
+    fn rows_are_red_and_tables_fold_when_asked() {
+        let rows = vec![vec!["fine".to_owned()], vec!["lost".to_owned()]];
+        let table = Table { title: "t".into(), rows, bad: vec![1], folded: true, ..Table::default() };
+        let mut out = String::new();
+        table.html(&mut out);
+        assert!(
+            out.contains("<tr class=\"bad\"><th scope=\"row\">lost") && out.matches("class=\"bad\"").count() == 1,
+            "{out}"
+        );
+        assert!(out.contains("<details><summary><h2>t</h2></summary>") && out.contains("</details></div>"), "{out}");
     }
 }

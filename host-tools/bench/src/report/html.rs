@@ -36,6 +36,7 @@ pub(super) fn page(report: &Report) -> Page {
             page.tables.extend(table(report, row, size));
         }
     }
+    super::peers::page(report, &mut page);
     skips(report, &mut page);
     page
 }
@@ -99,7 +100,13 @@ fn table(report: &Report, row: &Row, size: (usize, usize)) -> Option<Table> {
     }
     let notes: Vec<String> = row.errors.iter().map(|m| format!("{}: {}", m.name, m.what)).collect();
     let title = format!("{}, {}x{}", row.title, size.0, size.1);
-    (!rows.is_empty()).then(|| Table { title, note: format!("{}.", notes.join("; ")), header, rows })
+    (!rows.is_empty()).then(|| Table {
+        title,
+        note: format!("{}.", notes.join("; ")),
+        header,
+        rows,
+        ..Table::default()
+    })
 }
 
 fn skips(report: &Report, page: &mut Page) {
@@ -134,6 +141,7 @@ fn skips(report: &Report, page: &mut Page) {
                 ]
             })
             .collect(),
+        ..Table::default()
     });
 }
 

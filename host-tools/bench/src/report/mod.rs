@@ -1,6 +1,7 @@
 //! What came out, and its forms: a terminal's table ([`Report::text`]), CSV, JSON, and a page with plots.
 
 mod html;
+mod peers;
 mod plot;
 mod terminal;
 
@@ -10,9 +11,13 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::BenchError;
+use crate::compare::{self, Comparison};
 use crate::input::Sensor;
 use crate::pareto::front;
+use crate::peers::Beside;
 use crate::row::{Row, Score};
+
+pub use peers::LOST;
 
 /// Nanoseconds per unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +50,8 @@ pub struct Result {
     pub size: (usize, usize),
     /// Method with its knobs.
     pub method: String,
+    /// The other library whose method it is, with its version; `None` for isobath.
+    pub peer: Option<String>,
     /// What it took.
     pub time: Time,
     /// How wrong it was.
@@ -91,6 +98,8 @@ pub struct Report {
     pub results: Vec<Result>,
     /// Features that skip.
     pub skips: Vec<Skip>,
+    /// Other libraries, when they were asked.
+    pub peers: Option<Beside>,
 }
 
 /// A method's mean over scenes.
@@ -104,6 +113,8 @@ pub struct Mean {
     pub errors: Vec<f64>,
     /// No other method beats it in both time and (the first) error.
     pub front: bool,
+    /// It is another library's.
+    pub peer: bool,
 }
 
 impl Report {
@@ -159,7 +170,13 @@ impl Report {
             let same = || chosen().filter(|r| r.method == result.method);
             let time = mean(same().map(|r| r.time.best));
             let errors = (0..row.errors.len()).map(|i| mean(same().filter_map(|r| r.score.errors.get(i).copied())));
-            means.push(Mean { method: result.method.clone(), time, errors: errors.collect(), front: false });
+            means.push(Mean {
+                method: result.method.clone(),
+                time,
+                errors: errors.collect(),
+                front: false,
+                peer: result.peer.is_some(),
+            });
         }
         let points: Vec<(f64, f64)> =
             means.iter().map(|m| (m.time, m.errors.first().copied().unwrap_or(f64::NAN))).collect();
@@ -169,7 +186,13 @@ impl Report {
         means
     }
 
-    /// For a terminal of 80 columns.
+    /// isobath against other libraries, one row, sensor, size and scene each.
+    #[must_use]
+    pub fn comparisons(&self) -> Vec<Comparison> {
+        compare::all(&self.results)
+    }
+
+    /// For a terminal of 80 columns. Lines that begin with [`LOST`] are the ones to show in red.
     #[must_use]
     pub fn text(&self) -> String {
         terminal::text(self)
@@ -187,7 +210,7 @@ impl Report {
         let mut out =
             String::from("row,scene,sensor,width,height,method,unit,best_ns,median_ns,error,error_unit,value\n");
         for r in &self.results {
-            let Result { row, scene, sensor, size: (w, h), method, time, score } = r;
+            let Result { row, scene, sensor, size: (w, h), method, time, score, .. } = r;
             for (measure, value) in row.errors.iter().zip(&score.errors) {
                 let _ = writeln!(
                     out,
@@ -232,7 +255,7 @@ impl Report {
             json!({
                 "row": r.row.name, "scene": r.scene, "sensor": r.sensor.label(), "size": [r.size.0, r.size.1],
                 "method": r.method, "unit": r.row.unit, "best_ns": r.time.best, "median_ns": r.time.median,
-                "errors": errors,
+                "errors": errors, "peer": r.peer,
             })
         });
         let skips = self.skips.iter().map(|s| {
@@ -242,13 +265,18 @@ impl Report {
                 "queries": s.queries, "different": s.different,
             })
         });
-        json!({
+        let mut all = json!({
             "seed": self.seed, "quick": self.quick, "version": env!("CARGO_PKG_VERSION"), "machine": machine(),
             "results": results.collect::<Vec<_>>(), "skipping": skips.collect::<Vec<_>>(),
-        })
+        });
+        if let Some(peers) = peers::json(self) {
+            all["peers"] = peers;
+        }
+        all
     }
 
-    /// Writes `bench.csv`, `bench.json` and `bench.html` to a folder, which is made when there is none. Returns their paths.
+    /// Writes `bench.csv`, `bench.json` and `bench.html` to a folder, which is made when there is none, and `bench-peers.csv` when
+    /// other libraries were asked. Returns their paths.
     ///
     /// # Errors
     /// [`BenchError::Write`].
@@ -261,7 +289,8 @@ impl Report {
         let files =
             [("bench.html", self.html()), ("bench.csv", self.csv()), ("bench.json", format!("{:#}\n", self.json()))];
         let mut written = Vec::new();
-        for (name, text) in files {
+        let peers = peers::csv(self).map(|text| ("bench-peers.csv", text));
+        for (name, text) in files.into_iter().chain(peers) {
             let path = folder.join(name);
             std::fs::write(&path, text).map_err(failed(&path))?;
             written.push(path);
@@ -325,7 +354,7 @@ pub(crate) mod tests {
                     let time = Time { best: time, median: time * 1.1 };
                     let score = Score::of([error * harder, error, 0.0]);
                     let method = method.to_owned();
-                    results.push(Result { row, scene, sensor, size: (160, 120), method, time, score });
+                    results.push(Result { row, scene, sensor, size: (160, 120), method, peer: None, time, score });
                 }
             }
         }
@@ -340,7 +369,7 @@ pub(crate) mod tests {
             queries: 300,
             different: 0,
         };
-        Report { seed: 1, quick: true, results, skips: vec![skip] }
+        Report { seed: 1, quick: true, results, skips: vec![skip], peers: None }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::{Mean, Report, number};
 use crate::input::Sensor;
 use crate::row::Row;
 
-const WIDTH: usize = 80;
+pub(super) const WIDTH: usize = 80;
 const NAME: usize = 19;
 const NUMBER: usize = 9;
 
@@ -18,6 +18,7 @@ pub(super) fn text(report: &Report) -> String {
             comparison(report, row, size, &mut out);
         }
     }
+    super::peers::text(report, &mut out);
     skips(report, &mut out);
     if !report.results.is_empty() {
         out.push_str("* on the Pareto front: no other method beats it in both time and error.\n");
@@ -26,7 +27,7 @@ pub(super) fn text(report: &Report) -> String {
 }
 
 /// A heading with something at the right end.
-fn heading(left: &str, right: &str, out: &mut String) {
+pub(super) fn heading(left: &str, right: &str, out: &mut String) {
     let gap = WIDTH.saturating_sub(left.chars().count() + right.chars().count()).max(2);
     let _ = writeln!(out, "{left}{}{right}", " ".repeat(gap));
 }
@@ -80,11 +81,14 @@ fn comparison(report: &Report, row: &Row, size: (usize, usize), out: &mut String
             }
             let _ = writeln!(out, "{}", line.trim_end());
         }
-        let methods = block.first().map_or(0, |(_, means)| means.len());
-        for m in 0..methods {
-            line = format!("{:NAME$}", block[0].1[m].method);
+        for name in names(block) {
+            line = format!("{name:NAME$}");
             for (_, means) in block {
-                let Some(mean) = means.get(m) else { continue };
+                // Other libraries don't take every sensor's depth.
+                let Some(mean) = means.iter().find(|m| m.method == name) else {
+                    let _ = write!(line, "{:wide$}", "");
+                    continue;
+                };
                 let _ = write!(line, "{:>NUMBER$}", number(mean.time));
                 for &e in &shown {
                     let _ = write!(line, "{:>NUMBER$}", number(mean.errors[e]));
@@ -100,11 +104,23 @@ fn comparison(report: &Report, row: &Row, size: (usize, usize), out: &mut String
             let _ = writeln!(out, "  {line}");
         }
     }
-    let worst = columns.iter().flat_map(|(_, means)| means).filter_map(|m| unanswered(row, m)).fold(0.0, f64::max);
+    let ours = columns.iter().flat_map(|(_, means)| means).filter(|m| !m.peer);
+    let worst = ours.filter_map(|m| unanswered(row, m)).fold(0.0, f64::max);
     if worst > 0.05 {
         let _ = writeln!(out, "  unanswered: up to {} % of what has a reading", number(worst));
     }
     out.push('\n');
+}
+
+/// The methods of several columns, in the order measured.
+fn names(columns: &[(Sensor, Vec<Mean>)]) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for mean in columns.iter().flat_map(|(_, means)| means) {
+        if !names.contains(&mean.method.as_str()) {
+            names.push(&mean.method);
+        }
+    }
+    names
 }
 
 /// The share without an answer, where a row has one.
@@ -151,7 +167,7 @@ fn skips(report: &Report, out: &mut String) {
     }
 }
 
-fn wrapped(text: &str, width: usize) -> Vec<String> {
+pub(super) fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {
         let line = lines.last_mut().filter(|l| l.is_empty() || l.chars().count() + 1 + word.chars().count() <= width);

@@ -30,6 +30,7 @@ pub(crate) const HIT: Row = Row {
     sensors: Sensor::ALL,
     scenes: &[],
     methods: |input| on_frame!(input, frame => methods(input, frame)),
+    answers: None,
 };
 
 fn methods<'a, D: DepthSample>(input: &'a Input, frame: DepthFrame<'a, D>) -> Vec<Method<'a>> {

@@ -33,6 +33,7 @@ pub(crate) const PATH: Row = Row {
     sensors: &[Sensor::Exact, Sensor::Kinect],
     scenes: &["sphere", "corner", "stairs", "living-room", "corridor"],
     methods,
+    answers: None,
 };
 
 const CELL: f32 = 0.05;

@@ -23,6 +23,7 @@ pub(crate) const BUILD: Row = Row {
     sensors: &[Sensor::Exact, Sensor::Millimetres],
     scenes: &[],
     methods: |input| on_frame!(input, frame => methods(input, frame)),
+    answers: None,
 };
 
 fn methods<'a, D: DepthSample>(input: &'a Input, frame: DepthFrame<'a, D>) -> Vec<Method<'a>> {

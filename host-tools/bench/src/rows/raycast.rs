@@ -30,6 +30,7 @@ pub(crate) const CAST: Row = Row {
     sensors: Sensor::ALL,
     scenes: &[],
     methods: |input| on_frame!(input, frame => methods(input, frame)),
+    answers: None,
 };
 
 const RAYS: usize = 300;

@@ -32,6 +32,7 @@ pub(crate) const ROOM: Row = Row {
     sensors: Sensor::ALL,
     scenes: &["sphere", "corner", "stairs", "desk", "living-room", "corridor"],
     methods: |input| on_frame!(input, frame => methods(input, frame)),
+    answers: None,
 };
 
 /// Height above the surface that the box stands on below which nothing counts, metres.

@@ -530,6 +530,7 @@ impl Overview<'_> {
                 .into(),
             header,
             rows: self.stage_rows(),
+            ..Table::default()
         };
         let total: usize = self.bytes.iter().map(|b| b.1).sum();
         let mut rows: Vec<Vec<String>> = self.bytes.iter().map(|(n, b)| vec![(*n).to_owned(), bytes(*b)]).collect();
@@ -542,6 +543,7 @@ impl Overview<'_> {
             ),
             header: vec!["What".into(), "Bytes".into()],
             rows,
+            ..Table::default()
         };
         let mut notes = vec![format!("Up is {}.", self.up.sentence())];
         if !self.has_poses {
