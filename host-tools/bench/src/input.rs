@@ -121,7 +121,7 @@ impl Input {
     /// [`BenchError`]: no such scene, or an impossible size.
     pub fn new(scene: &str, sensor: Sensor, (width, height): (usize, usize), seed: u64) -> Result<Self, BenchError> {
         let scene = Scene::open(scene)?;
-        let camera = SimCamera::from_fov(width, height, 1.1)?;
+        let camera = scene.camera(width, height)?;
         let place = Rigid::looking_at(scene.view().eye, scene.view().target);
         let truth = scene.render_geometry(0.0, &camera, &place);
         let intrinsics = Intrinsics::new(camera.fx as f32, camera.fy as f32, camera.cx as f32, camera.cy as f32)?;

@@ -8,7 +8,7 @@ use crate::input::{Input, Sensor};
 /// One capability: methods that answer the same question, to be compared.
 #[derive(Debug, Clone, Copy)]
 pub struct Row {
-    /// To pick it by: lower case, with hyphens.
+    /// To pick it by: lower case, with hyphens. What follows a dot names a variant: the same question of other scenes.
     pub name: &'static str,
     /// In words.
     pub title: &'static str,
@@ -18,7 +18,7 @@ pub struct Row {
     pub errors: &'static [Measure],
     /// Sensors it is measured with.
     pub sensors: &'static [Sensor],
-    /// Scenes it is measured on; all when empty.
+    /// Scenes it is measured on; all the usual ones when empty.
     pub scenes: &'static [&'static str],
     /// What is compared, ready to run on an input.
     pub methods: for<'a> fn(&'a Input) -> Vec<Method<'a>>,
@@ -30,7 +30,8 @@ impl Row {
     /// Whether it is measured on a scene.
     #[must_use]
     pub fn takes(&self, scene: &str) -> bool {
-        self.scenes.is_empty() || self.scenes.contains(&scene)
+        let named = self.scenes.contains(&scene);
+        named || (self.scenes.is_empty() && !crate::FACETS.contains(&scene))
     }
 }
 

@@ -168,8 +168,10 @@ impl Peers {
     pub(crate) fn methods<'a>(&'a self, row: &'static Row, input: &'a Input) -> Vec<Method<'a>> {
         let Some(score) = row.answers else { return Vec::new() };
         let mut methods = Vec::new();
+        // A variant of a row asks the same question.
+        let question = row.name.split('.').next().unwrap_or(row.name);
         for peer in &self.workers {
-            for offer in peer.offers.borrow().iter().filter(|o| o.row == row.name) {
+            for offer in peer.offers.borrow().iter().filter(|o| o.row == question) {
                 let (id, again) = (offer.id.clone(), offer.id.clone());
                 let run = move |repeats| self.time(peer, &id, repeats);
                 let result =
@@ -305,7 +307,8 @@ pub(crate) mod tests {
         assert_eq!((methods.len(), methods[0].name(), methods[0].peer()), (1, "Fake m", Some("Fake 1")));
         assert_eq!(methods[0].spend(4, |_| Duration::ZERO), Some(Duration::from_nanos(76_800)));
         assert_eq!(methods[0].score().errors[2], 100.0, "zeros are no normals");
-        assert!(peers.methods(&ALL[1], &input).is_empty(), "nobody asks peers about single pixels");
+        assert_eq!(peers.methods(&ALL[1], &input).len(), 1, "a variant asks the same question");
+        assert!(peers.methods(&ALL[2], &input).is_empty(), "nobody asks peers about single pixels");
         assert_eq!(peers.beside().troubles, [""; 0]);
     }
 

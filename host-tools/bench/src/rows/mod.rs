@@ -13,6 +13,7 @@ use crate::row::Row;
 /// Every row, in the order of the report.
 pub const ALL: &[Row] = &[
     normals::DENSE,
+    normals::FACETS,
     normals::SINGLE,
     points::POINTS,
     points::PROJECTION,

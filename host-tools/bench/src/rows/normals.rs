@@ -32,6 +32,12 @@ const ERRORS: &[Measure] = &[
         what: "the mean once those that face away are turned towards the camera",
         shown: false,
     },
+    Measure {
+        unit: "%",
+        name: "beyond",
+        what: "errors over twice what was predicted for the pixel, where a prediction is made: 2 % when it is honest",
+        shown: false,
+    },
 ];
 
 /// Dense normals.
@@ -44,6 +50,15 @@ pub(crate) const DENSE: Row = Row {
     scenes: &[],
     methods: |input| on_frame!(input, frame => dense_methods(input, frame)),
     answers: Some(score_answer),
+};
+
+/// Dense normals on scenes of the published 3F2N benchmark's kind: facets with sharp edges, without noise, depth in no unit.
+pub(crate) const FACETS: Row = Row {
+    name: "normals.facets",
+    title: "Normals of facets (3F2N's kind)",
+    sensors: &[Sensor::Exact],
+    scenes: crate::FACETS,
+    ..DENSE
 };
 
 /// The normal at one pixel.
@@ -102,7 +117,10 @@ fn dense_methods<'a, D: DepthSample>(input: &'a Input, frame: DepthFrame<'a, D>)
         };
         Method::new(name, input.pixels(), run, move || {
             let mut tally = Tally::default();
-            let _ = adaptive::rows(&frame, &params, &mut again, |y, row| tally.row(input, y, row.x, row.y, row.z));
+            let _ = adaptive::rows(&frame, &params, &mut again, |y, row| {
+                tally.row(input, y, row.x, row.y, row.z);
+                tally.predicted(row.sigma);
+            });
             tally.score()
         })
     });
@@ -168,13 +186,27 @@ struct Tally {
     invented: usize,
     away: usize,
     pixels: usize,
+    /// Errors over twice the prediction, and predictions.
+    beyond: usize,
+    predictions: usize,
+    /// The last row's angles, NaN where there is none.
+    last: Vec<f64>,
 }
 
 impl Tally {
     fn row(&mut self, input: &Input, y: usize, nx: &[f32], ny: &[f32], nz: &[f32]) {
+        self.last.clear();
         for x in 0..nx.len() {
             let there = nx[x].is_finite();
             self.add(input, x, y, there.then(|| [nx[x], ny[x], nz[x]]));
+        }
+    }
+
+    /// What was predicted of the last row, radians.
+    fn predicted(&mut self, sigma: &[f32]) {
+        for (angle, sigma) in self.last.iter().zip(sigma).filter(|(angle, _)| !angle.is_nan()) {
+            self.predictions += 1;
+            self.beyond += usize::from(angle.to_radians() > 2.0 * f64::from(*sigma));
         }
     }
 
@@ -182,15 +214,18 @@ impl Tally {
         self.pixels += 1;
         let (Some(truth), Some(ray)) = (input.true_normal(x, y), input.camera.ray(x as f64, y as f64)) else {
             self.invented += usize::from(normal.is_some());
+            self.last.push(f64::NAN);
             return;
         };
         let Some(n) = normal.map(|n| n.map(f64::from)) else {
             self.unanswered += 1;
+            self.last.push(f64::NAN);
             return;
         };
         let angle = degrees_between(n, truth);
         let away = ray.dot(n.into()) > 0.0;
         self.angles.push(angle);
+        self.last.push(angle);
         self.turned.push(if away { 180.0 - angle } else { angle });
         self.away += usize::from(away);
     }
@@ -201,7 +236,8 @@ impl Tally {
         let away = share(self.away, self.angles.len() as f64);
         let (mean, turned) = (mean(&self.angles), mean(&self.turned));
         let (unanswered, invented) = (share(self.unanswered, all), share(self.invented, self.pixels as f64));
-        Score::of([mean, median(&mut self.angles), unanswered, invented, away, turned])
+        let beyond = share(self.beyond, self.predictions as f64);
+        Score::of([mean, median(&mut self.angles), unanswered, invented, away, turned, beyond])
     }
 }
 
