@@ -100,6 +100,27 @@ struct Level {
     height: u32,
 }
 
+/// Where each level lies in the storage, and how many there are.
+fn levels_of(width: usize, height: usize) -> ([Level; MAX_LEVELS], usize) {
+    let mut levels = [Level::default(); MAX_LEVELS];
+    if width == 0 || height == 0 {
+        return (levels, 0);
+    }
+    let (mut w, mut h) = (width.div_ceil(FINEST_TILE), height.div_ceil(FINEST_TILE));
+    let (mut start, mut count) = (0, 0);
+    for level in &mut levels {
+        *level = Level { start: start as u32, width: w as u32, height: h as u32 };
+        count += 1;
+        if w == 1 && h == 1 {
+            break;
+        }
+        start += w * h;
+        w = w.div_ceil(2);
+        h = h.div_ceil(2);
+    }
+    (levels, count)
+}
+
 /// The pyramid of one depth image, in the caller's storage.
 #[derive(Debug, Clone, Copy)]
 pub struct Pyramid<'a, D: DepthSample = u16> {
@@ -133,30 +154,32 @@ impl<'a, D: DepthSample> Pyramid<'a, D> {
         let Some(cells) = storage.get_mut(..needed) else {
             return Err(PyramidError { needed, got });
         };
-        let mut levels = [Level::default(); MAX_LEVELS];
-        let mut count = 0;
-        if needed > 0 {
-            let (mut w, mut h) = (width.div_ceil(FINEST_TILE), height.div_ceil(FINEST_TILE));
-            let (mut below, mut rest) = cells.split_at_mut_checked(w * h).unwrap_or_default();
-            build_finest(depth, below, w);
-            let mut start = 0;
-            for level in &mut levels {
-                *level = Level { start: start as u32, width: w as u32, height: h as u32 };
-                count += 1;
-                if w == 1 && h == 1 {
-                    break;
-                }
-                let (fine_w, fine_h) = (w, h);
-                start += w * h;
-                w = w.div_ceil(2);
-                h = h.div_ceil(2);
-                let (this, above) = rest.split_at_mut_checked(w * h).unwrap_or_default();
-                reduce(below, fine_w, fine_h, this, w);
-                below = this;
-                rest = above;
+        let (levels, count) = levels_of(width, height);
+        let (mut below, mut rest): (&[Cell<D>], &mut [Cell<D>]) = (&[], &mut *cells);
+        let mut fine = Level::default();
+        for (i, level) in levels.iter().take(count).enumerate() {
+            let (w, h) = (level.width as usize, level.height as usize);
+            let (this, above) = rest.split_at_mut_checked(w * h).unwrap_or_default();
+            if i == 0 {
+                build_finest(depth, this, w);
+            } else {
+                reduce(below, fine.width as usize, fine.height as usize, this, w);
             }
+            (below, rest, fine) = (this, above, *level);
         }
         Ok(Self { cells, levels, count, size: (width, height) })
+    }
+
+    /// The pyramid that [`Self::build`] left in `storage`, for owners that can't keep its borrow between two calls (the C
+    /// interface). Reads no cell: with other cells than that build's, skipping skips what it must not.
+    ///
+    /// # Errors
+    /// [`PyramidError`] when `storage` is shorter than [`cells_needed`].
+    pub fn resume(size: (usize, usize), storage: &'a [Cell<D>]) -> Result<Self, PyramidError> {
+        let needed = cells_needed(size.0, size.1);
+        let cells = storage.get(..needed).ok_or(PyramidError { needed, got: storage.len() })?;
+        let (levels, count) = levels_of(size.0, size.1);
+        Ok(Self { cells, levels, count, size })
     }
 
     /// Number of levels; 0 for an empty image. The last level is one cell.
@@ -289,6 +312,9 @@ mod tests {
             assert_eq!(pyramid.level_size(pyramid.levels() - 1), (1, 1));
             assert_eq!(pyramid.whole(), brute(depth, 0, 0, w.max(h)));
         }
+        let (levels, count) = (pyramid.levels, pyramid.count);
+        let again = Pyramid::resume((w, h), &storage).unwrap();
+        assert_eq!((again.levels, again.count, again.cells), (levels, count, &storage[..]));
     }
 
     #[test]
@@ -305,6 +331,7 @@ mod tests {
         let depth = ImageView::new(&data, 8, 8).unwrap();
         let mut short = [Cell::EMPTY; 4];
         assert_eq!(Pyramid::build(depth, &mut short).unwrap_err(), PyramidError { needed: 5, got: 4 });
+        assert_eq!(Pyramid::resume((8, 8), &short).unwrap_err(), PyramidError { needed: 5, got: 4 });
         assert_eq!(cells_needed(usize::MAX, 1), usize::MAX);
     }
 
