@@ -951,18 +951,12 @@ size_t isobath_context_size(uint32_t width,
 
 /**
  * Writes the defaults: 3.2 m x 3.2 m around the world's origin at 5 cm.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_map_defaults(struct isobath_map *map);
 
 /**
  * Lays the map elsewhere, of nothing known: when tracking starts anew, or the user has walked off it. It must not have more
  * cells than the context was made with.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_map_restart(struct isobath_context *context,
                                    const struct isobath_map *map);
@@ -970,26 +964,17 @@ isobath_status isobath_map_restart(struct isobath_context *context,
 /**
  * Adds the frame's readings to the map, at its pose. Once a frame, when paths are asked for: about 20 ns a reading on a desktop
  * core. `report` may be null.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_integrate(struct isobath_context *context,
                                  struct isobath_integrated *report);
 
 /**
  * Lets what is not seen again fade from the map: call it once a second or so.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_map_fade(struct isobath_context *context);
 
 /**
  * How high is the ground below or above a world point (metres)?
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_ground_at(const struct isobath_context *context,
                                  const struct isobath_vec3 *point,
@@ -997,9 +982,6 @@ isobath_status isobath_ground_at(const struct isobath_context *context,
 
 /**
  * Writes the defaults: a small character.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_walker_defaults(struct isobath_walker *walker);
 
@@ -1009,7 +991,6 @@ isobath_status isobath_walker_defaults(struct isobath_walker *walker);
  * from, to: world, metres; their heights do not matter. walker: null for the defaults.
  * points: receives the corners, start and goal included, at ground height, world, metres; may be null when capacity is 0.
  *
- * # Safety
  * See isobath_init; `points` holds `capacity` of them. Memory up to there is overwritten, beyond `count` with nothing of use.
  */
 isobath_status isobath_path(struct isobath_context *context,
@@ -1022,18 +1003,12 @@ isobath_status isobath_path(struct isobath_context *context,
 
 /**
  * What is behind a position of the depth image? `x`, `y`: pixels, fractions count, centres at integers.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_hit_test(const struct isobath_context *context, float x, float y, struct isobath_hit *hit);
 
 /**
  * Which way does the surface at a pixel face? `radius`: pixels around it that are fitted, 0 (five pixels, exact on clean depth)
  * to 7; 5 suits single points of a real sensor.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_normal(const struct isobath_context *context,
                               uint32_t x,
@@ -1044,9 +1019,6 @@ isobath_status isobath_normal(const struct isobath_context *context,
 /**
  * What does a ray hit? `origin`: world, metres. `direction`: world, any length but 0. `max_distance`: metres, default choice 20.
  * `holes`: an isobath_holes.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_ray_cast(const struct isobath_context *context,
                                 const struct isobath_vec3 *origin,
@@ -1057,17 +1029,11 @@ isobath_status isobath_ray_cast(const struct isobath_context *context,
 
 /**
  * Writes the defaults.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_vote_defaults(struct isobath_vote_params *params);
 
 /**
  * Does a box collide with what is seen? By majority of its corners, middle and sides. `params`: null for the defaults.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_vote(const struct isobath_context *context,
                             const struct isobath_box *object,
@@ -1076,17 +1042,11 @@ isobath_status isobath_vote(const struct isobath_context *context,
 
 /**
  * Writes the defaults; set `half` afterwards.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_place_defaults(struct isobath_place_wish *wish);
 
 /**
  * Does a box fit on the surface seen at a pixel, and how does it stand there?
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_place(const struct isobath_context *context,
                              uint32_t x,
@@ -1103,7 +1063,6 @@ isobath_status isobath_place(const struct isobath_context *context,
  * map: where the ground is mapped for isobath_path; null for none.
  * context: receives the context (the memory's address).
  *
- * # Safety
  * As for every function here: what is neither null nor misaligned points to what it says, unused by others during the call.
  */
 isobath_status isobath_init(void *memory,
@@ -1122,7 +1081,6 @@ isobath_status isobath_init(void *memory,
  * pose: where the camera stood, camera-to-world; null when unknown (the world is then the camera's frame).
  * time_ns: of exposure, nanoseconds since any epoch; given back in answers, read by nothing.
  *
- * # Safety
  * See isobath_init; `depth` holds (height - 1) * stride_in_bytes + 2 * width bytes.
  */
 isobath_status isobath_push_frame(struct isobath_context *context,
@@ -1135,25 +1093,18 @@ isobath_status isobath_push_frame(struct isobath_context *context,
  * Gives the context's own depth image to write to: `*depth` receives `width * height` values, tightly packed. Until
  * isobath_end_frame there is no frame, and questions about it return ISOBATH_STATUS_ERROR_NO_FRAME.
  *
- * # Safety
  * See isobath_init. The image must not be written any more once isobath_end_frame is called.
  */
 isobath_status isobath_begin_frame(struct isobath_context *context, uint16_t **depth);
 
 /**
  * Closes what isobath_begin_frame opened: the image is complete. `pose` and `time_ns` as for isobath_push_frame.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_end_frame(struct isobath_context *context, const struct isobath_pose *pose, int64_t time_ns);
 
 /**
  * The sensor's noise, for the error bars: sigma(z) = constant + linear * z + quadratic * z^2, in metres, and the unit's rounding
  * on top. Default: structured light, 0, 0, 1.425e-3. A typical time-of-flight sensor: 0.002, 0.005, 0. None may be negative.
- *
- * # Safety
- * See isobath_init.
  */
 isobath_status isobath_set_noise(struct isobath_context *context,
                                  float constant,

@@ -4,7 +4,7 @@
 //! header | height cells (20 bytes each) | planner nodes (20) | depth (2 a pixel) | pyramid (6 a tile)
 //! ```
 //!
-//! 160 x 120 with a map of 64 x 64 cells takes 212,136 bytes (48,2xx without the map); a test holds the figures of the header's
+//! 160 x 120 with a map of 64 x 64 cells takes 212,064 bytes (48,224 without the map); a test holds these figures and the header's
 //! macro `ISOBATH_CONTEXT_BYTES`, which says the same at compile time.
 
 use core::mem::{align_of, size_of};
