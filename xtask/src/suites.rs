@@ -64,11 +64,12 @@ const SUITES: &[Suite] = &[
     Suite {
         name: "bare-metal",
         quick: false,
-        what: "the core compiles without an operating system",
+        what: "the core, and the sensors for microcontrollers, compile without an operating system",
         run: |_| {
             for target in BARE_METAL {
                 ensure_target(target, "building the core for devices")?;
-                Cmd::new("cargo").args(["build", "--release", "-p", "isobath", "--target", target]).run()?;
+                let crates = ["-p", "isobath", "-p", "isobath-vl53", "--features", "isobath-vl53/vl53-8x8"];
+                Cmd::new("cargo").args(["build", "--release"]).args(crates).args(["--target", target]).run()?;
             }
             Ok(())
         },
