@@ -90,7 +90,7 @@ fn link(target: &str) -> Result<String> {
     let mut names = Vec::new();
     for (_, member) in members(&bytes)? {
         let found = Elf::parse(member).map(|elf| elf.symbols_with("isobath_")).unwrap_or_default();
-        names.extend(found.into_iter().filter(|name| name.starts_with("isobath_")));
+        names.extend(found.into_iter().filter(|name| name.starts_with("isobath_") && !name.contains('.')));
     }
     let (_, about, _) = Cmd::new("rustc").args(["-vV"]).read()?;
     let host = about.lines().find_map(|l| l.strip_prefix("host: ")).context("rustc names its host")?;

@@ -1091,11 +1091,12 @@ isobath_status isobath_push_frame(struct isobath_context *context,
 
 /**
  * Gives the context's own depth image to write to: `*depth` receives `width * height` values, tightly packed. Until
- * isobath_end_frame there is no frame, and questions about it return ISOBATH_STATUS_ERROR_NO_FRAME.
+ * isobath_end_frame there is no frame, and questions about it return ISOBATH_STATUS_ERROR_NO_FRAME; the map and paths can be used.
  *
  * See isobath_init. The image must not be written any more once isobath_end_frame is called.
  */
-isobath_status isobath_begin_frame(struct isobath_context *context, uint16_t **depth);
+isobath_status isobath_begin_frame(struct isobath_context *context,
+                                   uint16_t **depth);
 
 /**
  * Closes what isobath_begin_frame opened: the image is complete. `pose` and `time_ns` as for isobath_push_frame.

@@ -63,16 +63,21 @@ pub(crate) struct Header {
 unsafe impl Plain for Header {}
 
 impl Header {
-    /// FNV-1a over words, begun with the address.
+    /// FNV-1a over words with a turn between them, begun with the address.
     fn seal_at(&self, address: usize) -> u32 {
         const WORDS: usize = ISOBATH_HEADER_BYTES / 4;
         // SAFETY: a Plain struct has no padding, and is this many words (asserted in `memory`).
         let words: [u32; WORDS] = unsafe { core::mem::transmute::<Self, [u32; WORDS]>(*self) };
         let start = 0x6973_6f62_u32 ^ address as u32 ^ ((address as u64) >> 32) as u32;
         // The first word is the seal itself.
-        let sum = words.iter().skip(1).fold(start, |sum, word| (sum ^ word).wrapping_mul(0x0100_0193));
-        // Multiplication carries upwards only: the low bits of the sum know nothing of the words' high bits.
+        let sum = words.iter().skip(1).fold(start, |sum, word| (sum.rotate_left(5) ^ word).wrapping_mul(0x0100_0193));
+        // Multiplication carries upwards only: hence the turns, or two flipped top bits would cancel.
         sum ^ (sum >> 15)
+    }
+
+    /// Pixels that may be looked at: none between isobath_begin_frame and isobath_end_frame, when something else writes them.
+    const fn pixels_to_read(&self, layout: &Layout) -> usize {
+        if self.state == FRAME { layout.pixels } else { 0 }
     }
 
     pub(crate) fn layout(&self) -> Result<Layout, Status> {
@@ -139,7 +144,7 @@ impl<'a> View<'a> {
             Ok(Self {
                 header,
                 heights: slice::from_raw_parts(base.add(layout.heights).cast(), layout.map_cells),
-                depth: slice::from_raw_parts(base.add(layout.depth).cast(), layout.pixels),
+                depth: slice::from_raw_parts(base.add(layout.depth).cast(), header.pixels_to_read(&layout)),
                 tiles: slice::from_raw_parts(base.add(layout.pyramid).cast(), layout.tiles),
             })
         }
@@ -171,8 +176,24 @@ pub(crate) struct Edit<'a> {
 impl Edit<'_> {
     /// # Safety
     /// `context` is null, misaligned, or points to at least as many readable bytes as a header has; when it is a context,
-    /// nothing else uses its block for as long as the view lives.
+    /// nothing else uses its block for as long as the view lives, but for its image while there is no frame.
     pub(crate) unsafe fn open(context: *mut Context) -> Result<Self, Status> {
+        // SAFETY: promised by the caller.
+        unsafe { Self::parts(context, Header::pixels_to_read) }
+    }
+
+    /// With the image even if there is no frame yet: to make one.
+    ///
+    /// # Safety
+    /// As for [`Self::open`], and nothing else uses the image.
+    pub(crate) unsafe fn open_for_frame(context: *mut Context) -> Result<Self, Status> {
+        // SAFETY: promised by the caller.
+        unsafe { Self::parts(context, |_, layout| layout.pixels) }
+    }
+
+    /// # Safety
+    /// As for [`Self::open`], and nothing else uses that many pixels.
+    unsafe fn parts(context: *mut Context, pixels: fn(&Header, &Layout) -> usize) -> Result<Self, Status> {
         // SAFETY: promised by the caller.
         let (header, layout) = unsafe { checked(context)? };
         let base = context.cast::<u8>();
@@ -182,7 +203,7 @@ impl Edit<'_> {
                 header,
                 heights: slice::from_raw_parts_mut(base.add(layout.heights).cast(), layout.map_cells),
                 nodes: slice::from_raw_parts_mut(base.add(layout.nodes).cast(), layout.map_cells),
-                depth: slice::from_raw_parts_mut(base.add(layout.depth).cast(), layout.pixels),
+                depth: slice::from_raw_parts_mut(base.add(layout.depth).cast(), pixels(&header, &layout)),
                 tiles: slice::from_raw_parts_mut(base.add(layout.pyramid).cast(), layout.tiles),
                 place: context.cast(),
                 bytes: layout.bytes,
@@ -216,6 +237,7 @@ pub(crate) unsafe fn write(place: *mut Header, header: Header) {
 
 /// # Safety
 /// `context` is null, misaligned, or points to at least as many readable bytes as a header has.
+#[inline(never)]
 unsafe fn checked(context: *const Context) -> Result<(Header, Layout), Status> {
     let place = context.cast::<Header>();
     if aligned(place) == Err(Status::ErrorNull) {

@@ -106,7 +106,7 @@ pub unsafe extern "C" fn isobath_push_frame(
 ) -> Status {
     let push = || {
         // SAFETY: promised by the caller.
-        let mut context = unsafe { Edit::open(context)? };
+        let mut context = unsafe { Edit::open_for_frame(context)? };
         aligned(depth)?;
         let (width, height) = (context.header.width as usize, context.header.height as usize);
         let span = (height - 1).checked_mul(stride_in_bytes).and_then(|n| n.checked_add(2 * width));
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn isobath_push_frame(
 }
 
 /// Gives the context's own depth image to write to: `*depth` receives `width * height` values, tightly packed. Until
-/// isobath_end_frame there is no frame, and questions about it return ISOBATH_STATUS_ERROR_NO_FRAME.
+/// isobath_end_frame there is no frame, and questions about it return ISOBATH_STATUS_ERROR_NO_FRAME; the map and paths can be used.
 ///
 /// # Safety
 /// See isobath_init. The image must not be written any more once isobath_end_frame is called.
@@ -159,7 +159,7 @@ pub unsafe extern "C" fn isobath_begin_frame(context: *mut Context, depth: *mut 
 pub unsafe extern "C" fn isobath_end_frame(context: *mut Context, pose: *const Pose, time_ns: i64) -> Status {
     let end = || {
         // SAFETY: promised by the caller.
-        let (mut context, pose) = unsafe { (Edit::open(context)?, read_or(pose, Pose::IDENTITY)?) };
+        let (mut context, pose) = unsafe { (Edit::open_for_frame(context)?, read_or(pose, Pose::IDENTITY)?) };
         pose.core()?;
         close(&mut context, pose, time_ns)
     };
