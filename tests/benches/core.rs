@@ -22,6 +22,7 @@ use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::depth::{DepthSample, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
+use isobath::skipping::tiles::{Tile, TileMap, tiles_needed};
 
 /// A room: floor, back wall, a box, some holes. Millimetres.
 fn room(width: usize, height: usize) -> (Vec<u16>, Intrinsics) {
@@ -148,6 +149,35 @@ fn pyramid(c: &mut Criterion) {
     group.finish();
 }
 
+/// The tile map on a frame that is new, the same to the last bit, and the same but for noise.
+fn tiles(c: &mut Criterion) {
+    let (width, height) = (640, 480);
+    let (depth, k) = room(width, height);
+    let exact: Vec<f32> = depth.iter().map(|v| v.metres(DepthUnit::MILLIMETRE)).collect();
+    let kinect = noisy(&exact);
+    let shifted: Vec<f32> = exact.iter().map(|z| z * 1.1).collect();
+    let frame = |image| DepthFrame::new(ImageView::new(image, width, height).unwrap(), DepthUnit::METRE, k);
+    let mut group = c.benchmark_group("640x480 tile map (exact: skipping/tiles)");
+    group.throughput(Throughput::Elements((width * height) as u64));
+    for (name, images, noise) in [
+        ("all new", [&exact, &shifted], DepthNoise::KINECT),
+        ("the same", [&exact, &exact], DepthNoise::NONE),
+        ("noise", [&exact, &kinect], DepthNoise::KINECT),
+    ] {
+        let mut reference = vec![0.0; width * height];
+        let mut tiles = vec![Tile::NEW; tiles_needed(width, height)];
+        let mut map = TileMap::new(ImageViewMut::new(&mut reference, width, height).unwrap(), &mut tiles).unwrap();
+        let mut turn = 0;
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                turn ^= 1;
+                map.update(black_box(&frame(images[turn])), &noise)
+            });
+        });
+    }
+    group.finish();
+}
+
 fn queries(c: &mut Criterion) {
     let (width, height) = (640, 480);
     let (depth, k) = room(width, height);
@@ -199,5 +229,5 @@ fn queries(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, per_pixel, adaptive_normals, pyramid, queries, planning);
+criterion_group!(benches, per_pixel, adaptive_normals, pyramid, tiles, queries, planning);
 criterion_main!(benches);

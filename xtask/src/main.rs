@@ -1,7 +1,7 @@
 //! `cargo xtask VERB`: the one entry point for isobath's checks, data and documents, the same on a desk and in CI.
 //!
 //! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`fuzz`],
-//! [`c_library`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
+//! [`c_library`], [`instructions`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
 
 use std::process::ExitCode;
 
@@ -9,6 +9,7 @@ use anyhow::{Result, bail};
 
 mod c_library;
 mod fuzz;
+mod instructions;
 mod motorcycle;
 mod peers;
 mod proof;
@@ -100,6 +101,16 @@ const VERBS: &[Verb] = &[
         run: peers::verb,
     },
     Verb {
+        name: "instructions",
+        arguments: "[--store]",
+        summary: "count the instructions of the hot kernels against the repository's table",
+        details: "--store  write tests/instructions/baseline.toml anew\n\n\
+                  Runs each kernel of tests/instructions under valgrind, which it installs where it can. Prints count, count per answer\n\
+                  and change. More than the table's tolerance (3 %) above the stored count fails; so does a kernel that only one of the\n\
+                  two lists has. With another compiler than the stored one, or on another target, it warns or does not compare.",
+        run: instructions::verb,
+    },
+    Verb {
         name: "docs",
         arguments: "[--open] [--numerics]",
         summary: "the API documentation, warnings as errors; the generated documents",
@@ -135,7 +146,7 @@ fn no_arguments(args: &[String]) -> Result<()> {
 fn overview() -> String {
     let mut text = String::from("cargo xtask VERB: isobath's checks, data and documents\n\n");
     for v in VERBS {
-        text += &format!("  {:<11} {}\n", v.name, v.summary);
+        text += &format!("  {:<12} {}\n", v.name, v.summary);
     }
     text + "\n`cargo xtask VERB --help` says more about one.\n"
 }

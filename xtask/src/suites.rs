@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::proof::BARE_METAL;
 use crate::shell::{Cmd, Missing, ensure_component, ensure_target};
-use crate::{c_library, fuzz, proof};
+use crate::{c_library, fuzz, instructions, proof};
 
 /// One row of the table: a name to pick it by, whether the quick loop has it, what it does, and how.
 struct Suite {
@@ -87,6 +87,12 @@ const SUITES: &[Suite] = &[
         run: |_| c_library::check(),
     },
     Suite {
+        name: "instructions",
+        quick: false,
+        what: "the hot kernels take no more instructions than the repository's table says",
+        run: |_| instructions::run(),
+    },
+    Suite {
         name: "fuzz",
         quick: false,
         what: "every fuzz target runs for a while from its seeds",
@@ -118,7 +124,7 @@ pub(crate) fn test(args: Vec<String>) -> Result<()> {
         match arg.as_str() {
             "--list" => {
                 for s in SUITES {
-                    println!("{:<11} {:<6} {}", s.name, if s.quick { "check" } else { "" }, s.what);
+                    println!("{:<12} {:<6} {}", s.name, if s.quick { "check" } else { "" }, s.what);
                 }
                 return Ok(());
             }
@@ -162,7 +168,7 @@ fn run<'a>(suites: impl Iterator<Item = &'a Suite>, options: &Options) -> Result
         rows.push((suite.name, outcome, start.elapsed().as_secs_f64()));
     }
     let (mut passed, mut failed, mut skipped) = (0, 0, 0);
-    println!("\n{:<11} {:<8} {:>8}", "suite", "result", "seconds");
+    println!("\n{:<12} {:<8} {:>8}", "suite", "result", "seconds");
     for (name, outcome, seconds) in &rows {
         let (word, why) = match outcome {
             Outcome::Passed => {
@@ -182,7 +188,7 @@ fn run<'a>(suites: impl Iterator<Item = &'a Suite>, options: &Options) -> Result
                 ("MISSING", why.as_str())
             }
         };
-        println!("{name:<11} {word:<8} {seconds:>8.1}  {why}");
+        println!("{name:<12} {word:<8} {seconds:>8.1}  {why}");
     }
     println!("{passed} passed, {failed} failed, {skipped} skipped");
     if failed > 0 {

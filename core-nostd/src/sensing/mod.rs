@@ -1,5 +1,6 @@
-//! The sensing floor: what a depth value means, how a camera sees, what a frame carries.
+//! The sensing floor: what a depth value means, how a camera sees, what a frame carries, where its points are.
 
 pub mod camera;
 pub mod depth;
 pub mod frame;
+pub mod points;

@@ -45,6 +45,22 @@ impl Sensor {
             Self::Kinect => DepthNoise::KINECT,
         }
     }
+
+    /// What it makes of the truth, in frame `frame` of a sequence.
+    #[must_use]
+    pub fn sense(self, truth: &GroundTruth, camera: &SimCamera, seed: u64, frame: u64) -> Depth {
+        let metres = |z: &[f64]| Depth::F32(z.iter().map(|&z| z as f32).collect());
+        match self {
+            Self::Exact => metres(&truth.z),
+            Self::Millimetres => {
+                Depth::U16(truth.z.iter().map(|&z| u16::from_metres(z as f32, DepthUnit::MILLIMETRE)).collect())
+            }
+            Self::Kinect => {
+                let noise = Stage::Noise { constant: 0.0, linear: 0.0, quadratic: 1.425e-3 };
+                metres(&SensorModel { stages: vec![noise] }.sense(truth, camera, seed, frame).z)
+            }
+        }
+    }
 }
 
 /// Depth as the sensor gives it.
@@ -121,18 +137,7 @@ impl Input {
     /// The same view with another sensor.
     #[must_use]
     pub fn sensed_by(&self, sensor: Sensor) -> Self {
-        let z = &self.truth.z;
-        let depth = match sensor {
-            Sensor::Exact => Depth::F32(z.iter().map(|&z| z as f32).collect()),
-            Sensor::Millimetres => {
-                Depth::U16(z.iter().map(|&z| u16::from_metres(z as f32, DepthUnit::MILLIMETRE)).collect())
-            }
-            Sensor::Kinect => {
-                let noise = Stage::Noise { constant: 0.0, linear: 0.0, quadratic: 1.425e-3 };
-                let sensed = SensorModel { stages: vec![noise] }.sense(&self.truth, &self.camera, self.seed, 0);
-                Depth::F32(sensed.z.iter().map(|&z| z as f32).collect())
-            }
-        };
+        let depth = sensor.sense(&self.truth, &self.camera, self.seed, 0);
         Self { sensor, depth, ..self.clone() }
     }
 

@@ -14,6 +14,7 @@
 //! | [`input`] | a simulated frame, what a sensor makes of it, and the truth |
 //! | `rows` | one file a capability; `rows/mod.rs` lists them |
 //! | `skips` | features that skip: how much, how much faster, and that the answer is the same |
+//! | [`sequence`] | frames in a row, still, slowly and fully changing; `recordings`: real ones |
 //! | `measure` | timing, alternating; [`pareto`] who is beaten by nobody |
 //! | [`peers`] | other libraries, in processes of their own; [`compare`] who beats whom |
 //! | [`report`] | what came out, and its four forms |
@@ -49,9 +50,11 @@ pub mod input;
 mod measure;
 pub mod pareto;
 pub mod peers;
+mod recordings;
 pub mod report;
 pub mod row;
 mod rows;
+pub mod sequence;
 mod skips;
 
 use std::path::PathBuf;
@@ -114,6 +117,9 @@ impl Default for Options {
 
 const SCENES: &[&str] = &["wall", "tilted", "sphere", "corner", "stairs", "desk", "living-room", "corridor"];
 const QUICK_SCENES: &[&str] = &["sphere", "corner", "living-room"];
+/// Frames of a sequence: half a second; a fifth.
+const FRAMES: usize = 15;
+const QUICK_FRAMES: usize = 6;
 const SKIPPING: &str = "skipping";
 
 /// What can be filtered for.
@@ -147,8 +153,14 @@ pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, Benc
         peers::Peers::start(folder)
     });
     let peers = peers.transpose()?;
-    let mut report =
-        Report { seed: options.seed, quick: options.quick, results: Vec::new(), skips: Vec::new(), peers: None };
+    let mut report = Report {
+        seed: options.seed,
+        quick: options.quick,
+        results: Vec::new(),
+        skips: Vec::new(),
+        notes: Vec::new(),
+        peers: None,
+    };
     for &size in sizes {
         for &scene in scenes {
             let mut base = Input::new(scene, input::Sensor::Exact, size, options.seed)?;
@@ -173,10 +185,40 @@ pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, Benc
             }
             if wanted(SKIPPING) {
                 tell(&format!("skipping: {scene}, {}x{}", size.0, size.1));
-                report.skips.extend(skips::all(&base.sensed_by(input::Sensor::Millimetres), &effort));
+                report.skips.extend(skips::pyramid::simulated(&base.sensed_by(input::Sensor::Millimetres), &effort));
             }
         }
     }
+    if wanted(SKIPPING) {
+        let frames = if options.quick { QUICK_FRAMES } else { FRAMES };
+        sequences(options, sizes, frames, &effort, &mut report, tell)?;
+    }
     report.peers = peers.map(|p| p.beside());
     Ok(report)
+}
+
+/// What skips from one frame to the next, and recordings.
+fn sequences(
+    options: &Options,
+    sizes: &[(usize, usize)],
+    frames: usize,
+    effort: &Effort,
+    report: &mut Report,
+    tell: &mut dyn FnMut(&str),
+) -> Result<(), BenchError> {
+    let (recorded, missed) = recordings::sequences(frames);
+    report.notes.extend(missed);
+    for sequence in &recorded {
+        tell(&format!("skipping: {}", sequence.name));
+        report.skips.extend(skips::pyramid::recorded(sequence, options.seed, effort));
+        report.skips.push(skips::tiles::normals(sequence, effort));
+    }
+    for &size in sizes {
+        tell(&format!("skipping: simulating sequences, {}x{}", size.0, size.1));
+        for sequence in sequence::simulated(size, frames, options.seed)? {
+            tell(&format!("skipping: {}, {}, {}", sequence.name, sequence.kind.label(), sequence.sensor));
+            report.skips.push(skips::tiles::normals(&sequence, effort));
+        }
+    }
+    Ok(())
 }

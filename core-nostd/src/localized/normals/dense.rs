@@ -204,7 +204,9 @@ fn walk<D: DepthSample, const FIT: bool>(
 }
 
 /// Brings the planes of an earlier frame up to date: only the tiles that changed since, and their neighbours, are computed
-/// anew ([`TileMap`]); the others keep what they hold. With [`DepthNoise::NONE`](crate::sensing::depth::noise::DepthNoise::NONE)
+/// anew ([`TileMap`]); the others keep what they hold, and tiles without a reading are never written: let the planes begin as
+/// NaN, or begin with [`planes`]. Where more than two thirds of the tiles are out of date everything is computed, which is
+/// faster then. With [`DepthNoise::NONE`](crate::sensing::depth::noise::DepthNoise::NONE)
 /// and `f32` depth the planes then equal a full computation to the last bit; with noise, what is kept differs from what
 /// would be computed by what the noise of the one frame against the other makes of it. Work is counted in pixels.
 ///
@@ -223,7 +225,8 @@ pub fn update<D: DepthSample>(
     check_sizes(frame.size(), [x.size(), y.size(), z.size()])?;
     let (across, down) = tiles.size();
     let fits = across == width.div_ceil(TILE) && down == height.div_ceil(TILE);
-    if !fits || params.method != NormalMethod::Exact || params.radius > 0 {
+    let mostly = tiles.work().skipped_share() < 1.0 / 3.0;
+    if !fits || mostly || params.method != NormalMethod::Exact || params.radius > 0 {
         return planes(frame, params, scratch, [x, y, z], None);
     }
     let mut done = 0;

@@ -2,8 +2,9 @@
 
 use isobath_page::{Card, Figure, Page, Table};
 
-use super::{Report, machine, number, plot};
+use super::{Report, Skip, machine, number, plot};
 use crate::row::Row;
+use crate::sequence::Kind;
 
 /// Everything, as the page that all host tools share.
 pub(super) fn page(report: &Report) -> Page {
@@ -113,36 +114,61 @@ fn skips(report: &Report, page: &mut Page) {
     if report.skips.is_empty() {
         return;
     }
-    let different: usize = report.skips.iter().map(|s| s.different).sum();
-    let queries: usize = report.skips.iter().map(|s| s.queries).sum();
+    let exact = || report.skips.iter().filter(|s| s.exact);
+    let different: usize = exact().map(|s| s.different).sum();
+    let queries: usize = exact().map(|s| s.queries).sum();
     page.cards.push(Card {
         name: "Answers that skipping changes".into(),
         value: format!("{different} of {queries}"),
-        detail: "compared to the last bit; must be 0".into(),
+        detail: "on exact depth, compared to the last bit; must be 0".into(),
     });
     let header = ["feature: scene", "size", "skipped", "full ns", "skip ns", "speed-up", "different"];
-    let mut sorted: Vec<_> = report.skips.iter().collect();
-    sorted.sort_by_key(|s| (s.feature, s.size));
+    let (mut single, mut sequences): (Vec<_>, Vec<_>) = report.skips.iter().partition(|s| s.kind.is_none());
+    single.sort_by_key(|s| (s.feature, s.size));
+    sequences.sort_by_key(|s| (s.feature, s.size));
     page.tables.push(Table {
-        title: "Skipping".into(),
+        title: "Skipping on single frames".into(),
         note: "Per query; the pyramid's build is part of the skipping time, shared by all queries of a frame.".into(),
         header: header.map(String::from).to_vec(),
-        rows: sorted
+        rows: single
+            .into_iter()
+            .map(|s| [what(s, &s.scene), numbers(s), vec![format!("{} of {}", s.different, s.queries)]].concat())
+            .collect(),
+        ..Table::default()
+    });
+    let more = ["map ns", "kept against new, mean", "worst", "error full", "error skipping"];
+    page.tables.push(Table {
+        title: "Skipping over sequences".into(),
+        note: "Per pixel of a frame; the tile map's update (map ns) is part of the skipping time. Angles in degrees: what was \
+               kept against what would be computed, and both forms against the truth, which recordings have not. On exact depth \
+               nothing may differ; with noise both are estimates of the same surface."
+            .into(),
+        header: header.into_iter().chain(more).map(String::from).collect(),
+        rows: sequences
             .into_iter()
             .map(|s| {
-                vec![
-                    format!("{}: {}", s.feature, s.scene),
-                    format!("{}x{}", s.size.0, s.size.1),
-                    format!("{:.1} %", 100.0 * s.skipped),
-                    number(s.full.best),
-                    number(s.skipping.best),
-                    format!("{:.2}x", s.speed_up()),
-                    format!("{} of {}", s.different, s.queries),
-                ]
+                let kind = s.kind.map_or("", Kind::label);
+                let change = s.change.unwrap_or_default();
+                let map = s.summary.map_or(f64::NAN, |t| t.best);
+                let rest = [map, change.mean, change.worst, change.error_full, change.error_skipping].map(number);
+                let different = format!("{:.1} %", 100.0 * s.different as f64 / s.queries.max(1) as f64);
+                let name = format!("{}, {kind}, {}", s.scene, s.sensor);
+                [what(s, &name), numbers(s), vec![different], rest.to_vec()].concat()
             })
             .collect(),
         ..Table::default()
     });
+    page.notes.extend(report.notes.iter().cloned());
+}
+
+fn what(skip: &Skip, name: &str) -> Vec<String> {
+    vec![format!("{}: {name}", skip.feature), format!("{}x{}", skip.size.0, skip.size.1)]
+}
+
+fn numbers(skip: &Skip) -> Vec<String> {
+    let times = [skip.full.best, skip.skipping.best].map(number);
+    let share = format!("{:.1} %", 100.0 * skip.skipped);
+    [vec![share], times.to_vec(), vec![format!("{:.2}x", skip.speed_up())]].concat()
 }
 
 #[cfg(test)]
@@ -152,7 +178,9 @@ mod tests {
     #[test]
     fn the_page_has_every_method_and_needs_nothing_else() {
         let page = example().html();
-        for needed in ["adaptive", "&lt;slow&gt;", "ns per pixel", "ray cast, pyramid: wall", "<svg"] {
+        for needed in
+            ["adaptive", "&lt;slow&gt;", "ns per pixel", "ray cast, pyramid: wall", "living-room, static", "<svg"]
+        {
             assert!(page.contains(needed), "{needed}");
         }
         for outside in ["<slow>", "<script", "<link", "https://"] {

@@ -16,6 +16,7 @@ use crate::input::Sensor;
 use crate::pareto::front;
 use crate::peers::Beside;
 use crate::row::{Row, Score};
+use crate::sequence::Kind;
 
 pub use peers::LOST;
 
@@ -63,20 +64,51 @@ pub struct Result {
 pub struct Skip {
     /// The feature and what it skips by.
     pub feature: &'static str,
-    /// Scene.
+    /// Scene or recording.
     pub scene: String,
+    /// How much changes from frame to frame; `None` where one frame was asked.
+    pub kind: Option<Kind>,
+    /// What it was seen with, in a word or two.
+    pub sensor: &'static str,
     /// Columns and rows.
     pub size: (usize, usize),
+    /// What one answer is about; times are per this.
+    pub unit: &'static str,
     /// Share of the full form's work that was skipped, 0 to 1.
     pub skipped: f64,
-    /// Nanoseconds a query without skipping.
+    /// Nanoseconds an answer without skipping.
     pub full: Time,
-    /// And with it, the summary's build included.
+    /// And with it, the summary (pyramid, tile map) included.
     pub skipping: Time,
-    /// Queries asked.
+    /// Of which the summary, where it was timed by itself.
+    pub summary: Option<Time>,
+    /// Answers asked for.
     pub queries: usize,
-    /// Queries whose answer was not the same to the last bit: must be 0.
+    /// Answers that were not the same to the last bit.
     pub different: usize,
+    /// Whether `different` must be 0. Where it need not, noise is in play, and [`Self::change`] says what it did.
+    pub exact: bool,
+    /// What answers that were kept from earlier frames are worth.
+    pub change: Option<Change>,
+}
+
+/// Normals kept from earlier frames against normals computed anew, degrees; NaN where there are none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Change {
+    /// Mean angle between the two, over what was kept.
+    pub mean: f64,
+    /// The largest.
+    pub worst: f64,
+    /// Mean angle to the truth, everything computed, over all pixels.
+    pub error_full: f64,
+    /// The same with skipping.
+    pub error_skipping: f64,
+}
+
+impl Default for Change {
+    fn default() -> Self {
+        Self { mean: f64::NAN, worst: f64::NAN, error_full: f64::NAN, error_skipping: f64::NAN }
+    }
 }
 
 impl Skip {
@@ -100,6 +132,8 @@ pub struct Report {
     pub skips: Vec<Skip>,
     /// Other libraries, when they were asked.
     pub peers: Option<Beside>,
+    /// What was left out, and why.
+    pub notes: Vec<String>,
 }
 
 /// A method's mean over scenes.
@@ -226,19 +260,22 @@ impl Report {
             }
         }
         for s in &self.skips {
-            let lines = [("skipped", "share", s.skipped), ("different", "answers", s.different as f64)];
+            let scene = s.kind.map_or_else(|| s.scene.clone(), |kind| format!("{} {}", s.scene, kind.label()));
+            let mut lines = vec![("skipped", "share", s.skipped), ("different", "answers", s.different as f64)];
+            if let Some(c) = &s.change {
+                let degrees = |name, value| (name, "degrees", value);
+                lines.push(degrees("kept against new mean", c.mean));
+                lines.push(degrees("kept against new worst", c.worst));
+                lines.push(degrees("error full", c.error_full));
+                lines.push(degrees("error skipping", c.error_skipping));
+            }
+            let summary = s.summary.map(|time| ("summary", time));
             for (name, unit, value) in lines {
-                for (method, time) in [("full", s.full), ("skipping", s.skipping)] {
+                for (method, time) in [("full", s.full), ("skipping", s.skipping)].into_iter().chain(summary) {
                     let _ = writeln!(
                         out,
-                        "skipping,{},{},{},{},\"{}: {method}\",query,{:.3},{:.3},{name},{unit},{value}",
-                        s.scene,
-                        Sensor::Millimetres.label(),
-                        s.size.0,
-                        s.size.1,
-                        s.feature,
-                        time.best,
-                        time.median
+                        "skipping,{scene},{},{},{},\"{}: {method}\",{},{:.3},{:.3},{name},{unit},{value}",
+                        s.sensor, s.size.0, s.size.1, s.feature, s.unit, time.best, time.median
                     );
                 }
             }
@@ -260,14 +297,19 @@ impl Report {
         });
         let skips = self.skips.iter().map(|s| {
             json!({
-                "feature": s.feature, "scene": s.scene, "size": [s.size.0, s.size.1], "skipped": s.skipped,
-                "full_ns": s.full.best, "skipping_ns": s.skipping.best, "speed_up": s.speed_up(),
-                "queries": s.queries, "different": s.different,
+                "feature": s.feature, "scene": s.scene, "kind": s.kind.map(Kind::label), "sensor": s.sensor,
+                "size": [s.size.0, s.size.1], "unit": s.unit, "skipped": s.skipped,
+                "full_ns": s.full.best, "skipping_ns": s.skipping.best, "summary_ns": s.summary.map(|t| t.best),
+                "speed_up": s.speed_up(), "queries": s.queries, "different": s.different, "exact": s.exact,
+                "kept_mean_degrees": s.change.map(|c| c.mean), "kept_worst_degrees": s.change.map(|c| c.worst),
+                "error_full_degrees": s.change.map(|c| c.error_full),
+                "error_skipping_degrees": s.change.map(|c| c.error_skipping),
             })
         });
         let mut all = json!({
             "seed": self.seed, "quick": self.quick, "version": env!("CARGO_PKG_VERSION"), "machine": machine(),
             "results": results.collect::<Vec<_>>(), "skipping": skips.collect::<Vec<_>>(),
+            "notes": self.notes,
         });
         if let Some(peers) = peers::json(self) {
             all["peers"] = peers;
@@ -359,17 +401,40 @@ pub(crate) mod tests {
             }
         }
         let time = |best| Time { best, median: best };
-        let skip = Skip {
+        let one = Skip {
             feature: "ray cast, pyramid",
             scene: "wall".into(),
+            kind: None,
+            sensor: "1 mm steps",
             size: (160, 120),
+            unit: "query",
             skipped: 0.97,
             full: time(2000.0),
             skipping: time(700.0),
+            summary: None,
             queries: 300,
             different: 0,
+            exact: true,
+            change: None,
         };
-        Report { seed: 1, quick: true, results, skips: vec![skip], peers: None }
+        let still = Skip {
+            feature: "dense normals, tiles",
+            scene: "living-room".into(),
+            kind: Some(Kind::Static),
+            sensor: "Kinect noise",
+            unit: "pixel",
+            full: time(5.0),
+            skipping: time(2.5),
+            summary: Some(time(2.0)),
+            queries: 19_200,
+            different: 19_000,
+            exact: false,
+            change: Some(Change { mean: 40.1, worst: 179.2, error_full: 55.5, error_skipping: 55.4 }),
+            ..one.clone()
+        };
+        let full = Skip { kind: Some(Kind::Full), skipping: time(7.5), skipped: 0.0, ..still.clone() };
+        let notes = vec!["icl left out: no folder".into()];
+        Report { seed: 1, quick: true, results, skips: vec![one, still, full], notes, peers: None }
     }
 
     #[test]
@@ -386,13 +451,16 @@ pub(crate) mod tests {
     fn files_hold_everything() {
         let report = example();
         let csv = report.csv();
-        assert_eq!(csv.lines().count(), 1 + 2 * 3 * 3 * 3 + 4);
+        assert_eq!(csv.lines().count(), 1 + 2 * 3 * 3 * 3 + 4 + 2 * 6 * 3);
         let columns = csv.lines().next().unwrap().split(',').count();
-        assert!(csv.lines().filter(|l| !l.contains("\"ray cast")).all(|l| l.split(',').count() == columns));
+        assert!(csv.lines().filter(|l| !l.starts_with("skipping")).all(|l| l.split(',').count() == columns));
         let json = report.json();
         assert_eq!(json["results"].as_array().unwrap().len(), 18);
         assert_eq!(json["results"][0]["errors"]["mean_degrees"], 30.0);
         assert_eq!(json["skipping"][0]["different"], 0);
+        assert_eq!(json["skipping"][0]["kept_mean_degrees"], Value::Null);
+        assert_eq!(json["skipping"][1]["kind"], "static");
+        assert_eq!(json["skipping"][1]["error_skipping_degrees"], 55.4);
     }
 
     #[test]

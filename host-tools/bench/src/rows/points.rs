@@ -5,6 +5,7 @@ use std::hint::black_box;
 use isobath::glam::{Vec2, Vec3};
 use isobath::sensing::depth::DepthSample;
 use isobath::sensing::frame::DepthFrame;
+use isobath::sensing::points::{self, Space};
 use isobath_sim::V3;
 
 use crate::input::{Input, Sensor, mean, on_frame, v3};
@@ -23,7 +24,7 @@ pub(crate) const POINTS: Row = Row {
     ],
     sensors: Sensor::ALL,
     scenes: &[],
-    methods: |input| on_frame!(input, frame => points(input, frame)),
+    methods: |input| on_frame!(input, frame => methods(input, frame)),
     answers: Some(score_answer),
 };
 
@@ -44,11 +45,32 @@ pub(crate) const PROJECTION: Row = Row {
     answers: None,
 };
 
-fn points<'a, D: DepthSample>(input: &'a Input, frame: DepthFrame<'a, D>) -> Vec<Method<'a>> {
+fn methods<'a, D: DepthSample>(input: &'a Input, frame: DepthFrame<'a, D>) -> Vec<Method<'a>> {
     let world = all(input, "world_point", move |x, y| frame.world_point(x, y), |x, y| input.true_point(x, y));
     // What other libraries answer is in the camera's frame: beside them, so is one of ours.
     let camera = || all(input, "point (camera)", move |x, y| frame.point(x, y), |x, y| true_camera_point(input, x, y));
-    std::iter::once(world).chain(input.keep.then(camera)).collect()
+    let rows = [("packed", Space::World), ("packed (camera)", Space::Camera)];
+    let rows = rows.map(|(name, space)| packed(input, frame, name, space));
+    std::iter::once(world).chain(rows).chain(input.keep.then(camera)).collect()
+}
+
+/// The kernel that answers all of them, in one array.
+fn packed<'a, D: DepthSample>(input: &'a Input, frame: DepthFrame<'a, D>, name: &str, space: Space) -> Method<'a> {
+    let (w, h) = input.size();
+    let mut scratch = vec![0.0; points::scratch_len(w)];
+    let mut out = vec![[0.0; 3]; w * h];
+    let run = move || _ = black_box(points::packed(&frame, space, &mut scratch, black_box(&mut out)));
+    let score = move || {
+        let mut all = vec![[f32::NAN; 3]; w * h];
+        let _ = points::packed(&frame, space, &mut vec![0.0; points::scratch_len(w)], &mut all);
+        let truth = |x, y| if space == Space::World { input.true_point(x, y) } else { true_camera_point(input, x, y) };
+        let got = |x: usize, y: usize| {
+            let p = Vec3::from(all[y * w + x]);
+            p.is_finite().then(|| v3(p))
+        };
+        score(w, h, got, truth)
+    };
+    Method::new(name, w * h, run, score)
 }
 
 /// A method that answers every pixel's point, and leaves it in memory when the input says so.
@@ -141,8 +163,9 @@ mod tests {
     #[test]
     fn beside_peers_the_camera_point_is_asked_too_and_kept() {
         let alone = Input::new("sphere", Sensor::Exact, (64, 48), 1).unwrap();
-        assert_eq!((POINTS.methods)(&alone).len(), 1);
+        let methods = (POINTS.methods)(&alone).len();
         let input = Input { keep: true, ..alone };
+        assert_eq!((POINTS.methods)(&input).len(), methods + 1);
         for mut method in (POINTS.methods)(&input) {
             method.run();
             let errors = method.score().errors;

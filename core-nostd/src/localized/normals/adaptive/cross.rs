@@ -29,7 +29,7 @@ pub(super) fn rows<D: DepthSample>(
 }
 
 /// Predicted error of a cross at depth `z` metres: a slope from one pixel either side has half a pixel's variance, and the
-/// direction has two slopes; in inverse depth sigma_w / w is sigma_z / z.
+/// direction has two slopes. Relative to its value inverse depth is off by as much as depth.
 #[inline(always)]
 pub(super) fn predict<D: DepthSample>(noise: &DepthNoise, frame: &DepthFrame<'_, D>, focal: f32, z: f32) -> f32 {
     // What `f32` rounds of z is the floor. An inverse square root is plain arithmetic; a square root is a call.

@@ -40,7 +40,7 @@ pub(super) fn fit<D: DepthSample>(context: &Context<'_, '_, D>, x: usize, y: usi
     {
         return [e.normal.x, e.normal.y, e.normal.z, cross];
     }
-    let Sums { n, x: mx, y: my, w: mw, xx, xy, yy, xw, yw } =
+    let Sums { n, x: mx, y: my, w: mw, xx, xy, yy, xw, yw, ww } =
         gather(context, x, y, centre, GATE * math::sqrt(variance), LEAN * centre / focal);
     if n < 3.0 {
         return [f32::NAN; 4];
@@ -55,6 +55,9 @@ pub(super) fn fit<D: DepthSample>(context: &Context<'_, '_, D>, x: usize, y: usi
     let (dx, dy) = (x as f32 - k.cx(), y as f32 - k.cy());
     let (nx, ny, nz) = (-fx * a, -fy * b, a * dx + b * dy - c);
     let inv_length = math::inv_sqrt(nx * nx + ny * ny + nz * nz);
+    // What the plane leaves may be more than noise: curvature, an edge let in.
+    let left = (ww - mw * mw * inv - a * xw - b * yw) / (n - 3.0).max(1.0);
+    let variance = if left > variance { left } else { variance };
     let spread = variance * inv_det * (yy * (fx * fx) + xx * (fy * fy));
     let sigma = math::sqrt(spread) * inv_length;
     [nx * inv_length, ny * inv_length, nz * inv_length, if sigma < WORST { sigma } else { WORST }]
@@ -71,6 +74,7 @@ struct Sums {
     yy: f32,
     xw: f32,
     yw: f32,
+    ww: f32,
 }
 
 /// One row of the window is one vector.
@@ -87,7 +91,7 @@ fn gather<D: DepthSample>(
     let dx = Lanes::index() + Lanes::splat(first as f32 - x as f32);
     let across = dx.map(f32::abs);
     let inside = across.below(Lanes::splat(RADIUS as f32 + 0.5));
-    let [mut n, mut y1, mut yy, mut w, mut yw] = [Lanes::ZERO; 5];
+    let [mut n, mut y1, mut yy, mut w, mut yw, mut ww] = [Lanes::ZERO; 6];
     const { assert!(2 * RADIUS < LANES) };
     for row in y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(context.height) {
         let dy = row as f32 - y as f32;
@@ -100,6 +104,7 @@ fn gather<D: DepthSample>(
         yy += keep * (dy * dy);
         w += d;
         yw += d * dy;
+        ww += d * d;
     }
     let nx = n * dx;
     Sums {
@@ -112,5 +117,6 @@ fn gather<D: DepthSample>(
         yy: yy.sum(),
         xw: (w * dx).sum(),
         yw: yw.sum(),
+        ww: ww.sum(),
     }
 }

@@ -128,6 +128,10 @@ fn nearest<const B: usize>(windows: [&WindowRow<'_>; 3], first: usize, dx: Lanes
     found
 }
 
+/// What a window's predicted error is multiplied by for a pixel of another block: one pixel's word that it belongs there, far
+/// from the window's middle (measured: the error is 1.5 to 2 times the window's).
+const DOUBT: f32 = 2.0;
+
 /// Normal and predicted error of a pixel from one of the nine windows around its block, counted row by row.
 #[inline(always)]
 fn take<D: DepthSample, const B: usize>(
@@ -149,7 +153,7 @@ fn take<D: DepthSample, const B: usize>(
     let on = *row.c.get(i)? + a * from(px, across) + b * from(py, down);
     let k = context.frame.intrinsics();
     let [x, y, z] = facing(on, a, b, px as f32 - k.cx(), py as f32 - k.cy(), k.fx(), k.fy());
-    Some([x, y, z, *row.sigma.get(i)?])
+    Some([x, y, z, DOUBT * *row.sigma.get(i)?])
 }
 
 /// How the slopes of a row of windows change per pixel towards each window beside, where it lies on the same surface: a
