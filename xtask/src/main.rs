@@ -1,12 +1,13 @@
 //! `cargo xtask VERB`: the one entry point for isobath's checks, data and documents, the same on a desk and in CI.
 //!
 //! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`fuzz`],
-//! [`instructions`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
+//! [`c_library`], [`instructions`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
 
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 
+mod c_library;
 mod fuzz;
 mod instructions;
 mod motorcycle;
@@ -64,6 +65,21 @@ const VERBS: &[Verb] = &[
                   the tree the link must fail, with an unchecked index a panic must be found. Prints text, data and bss. A panic\n\
                   symbol in the image is an error, which names the functions that call it.",
         run: |args| no_arguments(&args).and_then(|()| proof::run()),
+    },
+    Verb {
+        name: "c-library",
+        arguments: "[TARGET]",
+        summary: "make the static library for C programs (default: for this machine)",
+        details: "Prints where it is, and its sizes. Without std and without an allocator on every target, this machine too. The header is\n\
+                  core-nostd/capi/include/isobath.h, an example beside it.",
+        run: c_library::verb,
+    },
+    Verb {
+        name: "header",
+        arguments: "",
+        summary: "write core-nostd/capi/include/isobath.h anew from the Rust sources",
+        details: "By cbindgen, as core-nostd/capi/cbindgen.toml says. A test holds that it is up to date.",
+        run: |args| no_arguments(&args).and_then(|()| c_library::header()),
     },
     Verb {
         name: "bench",

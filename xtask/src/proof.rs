@@ -20,7 +20,7 @@ pub(crate) const BARE_METAL: &[&str] = &["thumbv7em-none-eabihf", "aarch64-unkno
 pub(crate) const MANIFEST: &str = "tests/firmware/proof/Cargo.toml";
 
 /// What the names of panic functions have in common, in both of Rust's manglings.
-const PANICS: &str = "core9panicking";
+pub(crate) const PANICS: &str = "core9panicking";
 
 /// `cargo xtask proof`.
 pub(crate) fn run() -> Result<()> {
@@ -110,7 +110,7 @@ fn callers(target: &str) -> Result<BTreeSet<String>> {
 }
 
 /// What we need of a little-endian ELF file, 32 or 64 bits: section sizes and symbol names.
-struct Elf<'a> {
+pub(crate) struct Elf<'a> {
     bytes: &'a [u8],
     sections: Vec<Section>,
     wide: bool,
@@ -131,7 +131,7 @@ const WRITE: u64 = 1;
 const ALLOC: u64 = 2;
 
 impl<'a> Elf<'a> {
-    fn parse(bytes: &'a [u8]) -> Option<Self> {
+    pub(crate) fn parse(bytes: &'a [u8]) -> Option<Self> {
         if bytes.get(..4)? != b"\x7fELF" || *bytes.get(5)? != 1 {
             return None;
         }
@@ -156,7 +156,7 @@ impl<'a> Elf<'a> {
     }
 
     /// Bytes of code and constants, of initialised data, and of zeroed data.
-    fn sizes(&self) -> (usize, usize, usize) {
+    pub(crate) fn sizes(&self) -> (usize, usize, usize) {
         let mut sizes = (0, 0, 0);
         for s in self.sections.iter().filter(|s| s.flags & ALLOC != 0) {
             match (s.kind == NO_BITS, s.flags & WRITE != 0) {
@@ -169,7 +169,7 @@ impl<'a> Elf<'a> {
     }
 
     /// Names of symbols that contain `part`, each once.
-    fn symbols_with(&self, part: &str) -> Vec<String> {
+    pub(crate) fn symbols_with(&self, part: &str) -> Vec<String> {
         let mut found = BTreeSet::new();
         let entry = if self.wide { 24 } else { 16 };
         for table in self.sections.iter().filter(|s| s.kind == SYMBOL_TABLE) {

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::proof::BARE_METAL;
 use crate::shell::{Cmd, Missing, ensure_component, ensure_target};
-use crate::{fuzz, instructions, proof};
+use crate::{c_library, fuzz, instructions, proof};
 
 /// One row of the table: a name to pick it by, whether the quick loop has it, what it does, and how.
 struct Suite {
@@ -64,11 +64,12 @@ const SUITES: &[Suite] = &[
     Suite {
         name: "bare-metal",
         quick: false,
-        what: "the core compiles without an operating system",
+        what: "the core, and the sensors for microcontrollers, compile without an operating system",
         run: |_| {
             for target in BARE_METAL {
                 ensure_target(target, "building the core for devices")?;
-                Cmd::new("cargo").args(["build", "--release", "-p", "isobath", "--target", target]).run()?;
+                let crates = ["-p", "isobath", "-p", "isobath-vl53", "--features", "isobath-vl53/vl53-8x8"];
+                Cmd::new("cargo").args(["build", "--release"]).args(crates).args(["--target", target]).run()?;
             }
             Ok(())
         },
@@ -78,6 +79,12 @@ const SUITES: &[Suite] = &[
         quick: false,
         what: "an image without an allocator links, holds no panic, and one with `alloc` does not link",
         run: |_| proof::run(),
+    },
+    Suite {
+        name: "c-interface",
+        quick: false,
+        what: "the C library links for devices by itself, holds no panic; C programs under gcc's sanitizers",
+        run: |_| c_library::check(),
     },
     Suite {
         name: "instructions",

@@ -277,6 +277,22 @@ impl<'a> HeightMap<'a> {
     /// # Errors
     /// [`HeightMapError`] when the slice is too short or a parameter out of range.
     pub fn new(grid: Grid, cells: &'a mut [HeightCell], params: HeightMapParams) -> Result<Self, HeightMapError> {
+        let map = Self::resume(grid, cells, params, 0)?;
+        map.cells.fill(HeightCell::UNKNOWN);
+        Ok(map)
+    }
+
+    /// The map that an earlier one left in `cells`, at its [`Self::generation`]: for owners that can't keep its borrow between
+    /// two frames (the C interface), or that kept the cells through a restart.
+    ///
+    /// # Errors
+    /// [`HeightMapError`] when the slice is too short or a parameter out of range.
+    pub fn resume(
+        grid: Grid,
+        cells: &'a mut [HeightCell],
+        params: HeightMapParams,
+        generation: u32,
+    ) -> Result<Self, HeightMapError> {
         let positive = |v: f32| v > 0.0 && v.is_finite();
         let ok = positive(params.clearance) && positive(params.reach) && positive(params.change);
         if !ok || params.stride == 0 || params.max_support == 0 {
@@ -284,8 +300,7 @@ impl<'a> HeightMap<'a> {
         }
         let (needed, got) = (grid.cells(), cells.len());
         let cells = cells.get_mut(..needed).ok_or(HeightMapError::CapacityExceeded { needed, got })?;
-        cells.fill(HeightCell::UNKNOWN);
-        Ok(Self { grid, params, cells, generation: 0 })
+        Ok(Self { grid, params, cells, generation })
     }
 
     /// Lays the map elsewhere, of nothing known, in the same cells: when tracking starts anew, or the user has walked off it.

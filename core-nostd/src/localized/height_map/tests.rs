@@ -145,3 +145,22 @@ fn a_restarted_map_knows_nothing_and_lies_elsewhere() {
     assert_eq!(e, HeightMapError::CapacityExceeded { needed: 15, got: 12 });
     assert_eq!(map.grid(), &grid(0.2, 2, 3), "kept");
 }
+
+#[test]
+fn a_resumed_map_goes_on_where_it_was() {
+    let data = vec![1500_u16; 32 * 24];
+    let k = Intrinsics::new(30.0, 30.0, 15.5, 11.5).unwrap();
+    let frame = DepthFrame::new(ImageView::new(&data, 32, 24).unwrap(), DepthUnit::MILLIMETRE, k)
+        .with_pose(Pose::looking_at(Vec3::Y * 1.5, Vec3::ZERO, Vec3::NEG_Z).unwrap());
+    let (mut kept, mut resumed) = (vec![HeightCell::UNKNOWN; 400], vec![HeightCell::UNKNOWN; 400]);
+    let (grid, params) = (grid(0.1, 20, 20), HeightMapParams::DEFAULT);
+    let mut one = HeightMap::new(grid, &mut kept, params).unwrap();
+    let mut generation = HeightMap::new(grid, &mut resumed, params).unwrap().generation();
+    for _ in 0..3 {
+        let mut two = HeightMap::resume(grid, &mut resumed, params, generation).unwrap();
+        assert_eq!(one.integrate(&frame), two.integrate(&frame));
+        generation = two.generation();
+    }
+    assert_eq!(kept, resumed);
+    assert!(HeightMap::resume(grid, &mut resumed[..10], params, 0).is_err());
+}

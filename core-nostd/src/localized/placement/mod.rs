@@ -239,8 +239,8 @@ fn try_place<D: DepthSample>(
     work: &mut Work,
 ) -> Result<Placement, NoPlace> {
     let size = params.size;
-    // Negated, so that NaN fails too.
-    if !(size.min_element() >= 1e-3 && size.max_element() <= 1e3) {
+    // The least of numbers and a NaN is a number: asked by itself.
+    if !(size.is_finite() && size.min_element() >= 1e-3 && size.max_element() <= 1e3) {
         return Err(NoPlace::BadSize);
     }
     let up = params.up.try_normalize().ok_or(NoPlace::BadUp)?;

@@ -196,8 +196,9 @@ fn bad_arguments_have_answers() {
     let middle = Spot::Pixel(80, 60);
     for side in [0.0, -1.0, 1e-9, 1e9, f32::NAN, f32::INFINITY] {
         assert_eq!(at(middle, &cube(side)), Err(NoPlace::BadSize));
-        let one = PlaceParams { size: Vec3::new(0.1, 0.1, side), ..cube(0.1) };
-        assert_eq!(at(middle, &one), Err(NoPlace::BadSize));
+        for size in [Vec3::new(side, 0.1, 0.1), Vec3::new(0.1, side, 0.1), Vec3::new(0.1, 0.1, side)] {
+            assert_eq!(at(middle, &PlaceParams { size, ..cube(0.1) }), Err(NoPlace::BadSize));
+        }
     }
     for up in [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY] {
         assert_eq!(at(middle, &PlaceParams { up, ..cube(0.1) }), Err(NoPlace::BadUp));
