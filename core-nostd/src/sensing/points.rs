@@ -12,6 +12,7 @@ use core::fmt;
 use glam::Vec3;
 
 use crate::ground::lanes::vectorised;
+use crate::sensing::camera::Pose;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
@@ -93,6 +94,17 @@ pub fn rows<D: DepthSample>(
     frame: &DepthFrame<'_, D>,
     space: Space,
     scratch: &mut [f32],
+    each: impl FnMut(usize, PointRow<'_>),
+) -> Result<usize, PointsError> {
+    match space {
+        Space::Camera => walk::<D, false>(frame, scratch, each),
+        Space::World => walk::<D, true>(frame, scratch, each),
+    }
+}
+
+fn walk<D: DepthSample, const WORLD: bool>(
+    frame: &DepthFrame<'_, D>,
+    scratch: &mut [f32],
     mut each: impl FnMut(usize, PointRow<'_>),
 ) -> Result<usize, PointsError> {
     let (width, height) = frame.size();
@@ -105,7 +117,8 @@ pub fn rows<D: DepthSample>(
     let (x, rest) = rest.split_at_mut_checked(width).unwrap_or_default();
     let (y, z) = rest.split_at_mut_checked(width).unwrap_or_default();
     fill(table, frame);
-    let lines = Lines::of(frame, space);
+    let unit = frame.unit().metres();
+    let lines = Lines::of(frame, WORLD);
     let mut points = 0;
     for row in 0..height {
         let line = lines.at(row);
@@ -115,7 +128,7 @@ pub fn rows<D: DepthSample>(
                 let depth = frame.depth().row(row).iter().zip(table.iter());
                 let mut there = 0_u32;
                 for (((px, py), pz), (&value, &ray)) in x.iter_mut().zip(y.iter_mut()).zip(z.iter_mut()).zip(depth) {
-                    [*px, *py, *pz] = line.point(value, ray, frame.unit().metres());
+                    [*px, *py, *pz] = line.point::<D, WORLD>(value, ray, unit);
                     there += u32::from(value.is_valid());
                 }
                 there as usize
@@ -136,6 +149,17 @@ pub fn packed<D: DepthSample>(
     scratch: &mut [f32],
     out: &mut [[f32; 3]],
 ) -> Result<usize, PointsError> {
+    match space {
+        Space::Camera => pack::<D, false>(frame, scratch, out),
+        Space::World => pack::<D, true>(frame, scratch, out),
+    }
+}
+
+fn pack<D: DepthSample, const WORLD: bool>(
+    frame: &DepthFrame<'_, D>,
+    scratch: &mut [f32],
+    out: &mut [[f32; 3]],
+) -> Result<usize, PointsError> {
     let (width, height) = frame.size();
     let (needed, got) = (width.saturating_mul(height), out.len());
     if got < needed {
@@ -147,7 +171,8 @@ pub fn packed<D: DepthSample>(
         return Err(PointsError::Scratch { needed, got });
     };
     fill(table, frame);
-    let lines = Lines::of(frame, space);
+    let unit = frame.unit().metres();
+    let lines = Lines::of(frame, WORLD);
     let mut points = 0;
     for (row, out) in out.chunks_exact_mut(width.max(1)).take(height).enumerate() {
         let line = lines.at(row);
@@ -156,7 +181,7 @@ pub fn packed<D: DepthSample>(
             || {
                 let mut there = 0_u32;
                 for (to, (&value, &ray)) in out.iter_mut().zip(frame.depth().row(row).iter().zip(table.iter())) {
-                    *to = line.point(value, ray, frame.unit().metres());
+                    *to = line.point::<D, WORLD>(value, ray, unit);
                     there += u32::from(value.is_valid());
                 }
                 there as usize
@@ -191,17 +216,11 @@ struct Line {
 }
 
 impl Lines {
-    fn of<D: DepthSample>(frame: &DepthFrame<'_, D>, space: Space) -> Self {
+    fn of<D: DepthSample>(frame: &DepthFrame<'_, D>, world: bool) -> Self {
         let k = frame.intrinsics();
-        let (cy, fy) = (k.cy(), k.fy());
-        match space {
-            Space::Camera => Self { cy, fy, axes: [Vec3::X, Vec3::Y, Vec3::Z], origin: Vec3::ZERO },
-            Space::World => {
-                let pose = frame.pose_or_identity();
-                let axes = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| pose.direction_to_world(axis));
-                Self { cy, fy, axes, origin: pose.translation() }
-            }
-        }
+        let pose = if world { frame.pose_or_identity() } else { Pose::IDENTITY };
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| pose.direction_to_world(axis));
+        Self { cy: k.cy(), fy: k.fy(), axes, origin: pose.translation() }
     }
 
     fn at(&self, row: usize) -> Line {
@@ -216,15 +235,15 @@ impl Lines {
 
 impl Line {
     #[inline(always)]
-    fn point<D: DepthSample>(&self, value: D, ray: f32, unit: f32) -> [f32; 3] {
-        let z = value.number() * unit;
-        // All bits set is a NaN.
-        let hole = if value.is_valid() { 0 } else { u32::MAX };
-        let part = |i: usize| {
-            let [a, b, o] = [self.a, self.b, self.origin].map(|v| *v.get(i).unwrap_or(&0.0));
-            f32::from_bits(((a + b * ray) * z + o).to_bits() | hole)
-        };
-        [part(0), part(1), part(2)]
+    fn point<D: DepthSample, const WORLD: bool>(&self, value: D, ray: f32, unit: f32) -> [f32; 3] {
+        // A hole's NaN goes on into all three.
+        let z = if value.is_valid() { value.number() * unit } else { f32::NAN };
+        let [ax, ay, az] = self.a;
+        if !WORLD {
+            return [ray * z, ay * z, z];
+        }
+        let ([bx, by, bz], [ox, oy, oz]) = (self.b, self.origin);
+        [(ax + bx * ray) * z + ox, (ay + by * ray) * z + oy, (az + bz * ray) * z + oz]
     }
 }
 
@@ -232,7 +251,7 @@ impl Line {
 mod tests {
     use super::*;
     use crate::ground::image::ImageView;
-    use crate::sensing::camera::{Intrinsics, Pose};
+    use crate::sensing::camera::Intrinsics;
     use crate::sensing::depth::DepthUnit;
     use glam::{Quat, vec3};
     use proptest::prelude::*;
