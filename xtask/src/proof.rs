@@ -16,8 +16,8 @@ use crate::shell::{Cmd, ensure_target, root};
 /// The targets without an operating system that the core is held to.
 pub(crate) const BARE_METAL: &[&str] = &["thumbv7em-none-eabihf", "aarch64-unknown-none"];
 
-/// The proof's own workspace.
-pub(crate) const MANIFEST: &str = "tests/firmware/proof/Cargo.toml";
+/// The workspace of the images.
+pub(crate) const MANIFEST: &str = "tests/firmware/Cargo.toml";
 
 /// What the names of panic functions have in common, in both of Rust's manglings.
 const PANICS: &str = "core9panicking";
@@ -68,11 +68,20 @@ pub(crate) fn run() -> Result<()> {
 }
 
 fn cargo(verb: &str, target: &str) -> Cmd {
-    Cmd::new("cargo").args([verb, "--release", "--manifest-path", MANIFEST, "--target", target])
+    Cmd::new("cargo").args([
+        verb,
+        "--release",
+        "--manifest-path",
+        MANIFEST,
+        "--package",
+        "isobath-proof",
+        "--target",
+        target,
+    ])
 }
 
 fn folder(target: &str) -> PathBuf {
-    root().join("tests/firmware/proof/target").join(target).join("release")
+    root().join("tests/firmware/target").join(target).join("release")
 }
 
 fn image(target: &str) -> Result<Vec<u8>> {

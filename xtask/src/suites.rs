@@ -31,7 +31,7 @@ const SUITES: &[Suite] = &[
             ensure_component("rustfmt", &["fmt", "--version"], "the format check")?;
             Cmd::new("cargo").args(["fmt", "--all", "--check"]).run()?;
             for manifest in ["fuzz/Cargo.toml", proof::MANIFEST] {
-                Cmd::new("cargo").args(["fmt", "--check", "--manifest-path", manifest]).run()?;
+                Cmd::new("cargo").args(["fmt", "--all", "--check", "--manifest-path", manifest]).run()?;
             }
             Ok(())
         },
