@@ -9,6 +9,7 @@ use isobath::glam::Vec3;
 
 use crate::answers::Check;
 use crate::others::{self, Scratch};
+use crate::sizes;
 use crate::{Job, Memory, Packed, Probe, Stage};
 
 /// A device with a clock, a stack and a way to say something.
@@ -48,7 +49,9 @@ pub fn run<D: Device>(
     others: &[u32],
 ) -> bool {
     let mut meter = Meter { device };
-    meter.line(&[("memory", Word::Number(size_of::<Memory>() as u64))]);
+    for (name, bytes) in sizes::SIZED.iter().flatten().chain(&sizes::FIXED) {
+        meter.line(&[("size", Word::Text(name)), ("bytes", Word::Number(*bytes as u64))]);
+    }
     meter.calibrate();
     let mut passed = true;
     let mut last = None;

@@ -4,7 +4,8 @@
 //! compiled into the images, which compare. Nothing here knows a device: time and stack are measured by a [`Probe`].
 //!
 //! [`memory`] is what the job keeps, [`frame`] what it is given, [`run`] what it does, [`answers`] what it says, [`others`] the
-//! capabilities of the core that are measured though the job does without them, [`device`] the run that measures and prints.
+//! capabilities of the core that are measured though the job does without them, [`device`] the run that measures and prints, [`sizes`] the bytes it
+//! prints.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -14,6 +15,7 @@ pub mod frame;
 pub mod memory;
 pub mod others;
 pub mod run;
+pub mod sizes;
 
 pub use answers::{Answers, Check};
 pub use frame::{Packed, View};
