@@ -33,11 +33,12 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
     };
     for (node, c) in nodes.iter_mut().zip(map.cells()) {
         *node = Node::FAR;
-        node.state = match c.is_known() {
-            false => unknown,
+        // The height lies in `g` until the search needs it: NaN where there is none, or none that says anything.
+        (node.state, node.g) = match c.is_known() {
+            false => (unknown, f32::NAN),
             // Negated, so that NaN is an obstacle.
-            true if !(c.max - c.min <= spread) => Node::OBSTACLE | Node::MIXED,
-            true => 0,
+            true if !(c.max - c.min <= spread) => (Node::OBSTACLE, f32::NAN),
+            true => (0, c.mean),
         };
     }
     // Blocks of cells whose surroundings rise by less than any limit hold nothing to mark: most of a floor.
@@ -47,10 +48,13 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
         for x in (0..width).step_by(BLOCK) {
             let block = (x..(x + BLOCK).min(width), y..(y + BLOCK).min(depth));
             let around = (x.saturating_sub(far)..(x + BLOCK + far).min(width), y..(y + BLOCK + far).min(depth));
-            if rise(nodes, map, &around) > gentle {
+            if rise(nodes, width, &around) > gentle {
                 judge(nodes, map, walker, &limit, &block);
             }
         }
+    }
+    for node in nodes.iter_mut() {
+        node.g = Node::FAR.g;
     }
     grow(nodes, width, depth, walker.radius / cell + 0.5);
 }
@@ -61,23 +65,13 @@ const BLOCK: usize = 16;
 /// A rectangle of cells: columns, rows.
 type Cells = (core::ops::Range<usize>, core::ops::Range<usize>);
 
-/// The height of a cell that has one.
-fn height(nodes: &[Node], map: &HeightMap<'_>, i: usize) -> Option<f32> {
-    let c = map.cells().get(i)?;
-    (c.is_known() && nodes.get(i)?.state & Node::MIXED == 0).then_some(c.mean)
-}
-
 /// Highest less lowest of a rectangle of cells; negative where none has a height.
-fn rise(nodes: &[Node], map: &HeightMap<'_>, (columns, rows): &Cells) -> f32 {
-    let (width, _) = map.grid().size();
+fn rise(nodes: &[Node], width: usize, (columns, rows): &Cells) -> f32 {
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     for y in rows.clone() {
-        let line = y * width + columns.start..y * width + columns.end;
-        let cells = map.cells().get(line.clone()).unwrap_or(&[]);
-        for (cell, node) in cells.iter().zip(nodes.get(line).unwrap_or(&[])) {
-            let counts = cell.is_known() & (node.state & Node::MIXED == 0);
-            low = if counts & (cell.mean < low) { cell.mean } else { low };
-            high = if counts & (cell.mean > high) { cell.mean } else { high };
+        for node in nodes.get(y * width + columns.start..y * width + columns.end).unwrap_or(&[]) {
+            low = if node.g < low { node.g } else { low };
+            high = if node.g > high { node.g } else { high };
         }
     }
     high - low
@@ -100,10 +94,15 @@ fn judge(
         for (i, l) in limits.iter_mut().enumerate() {
             *l = limit(pace * (i + 1) as f32);
         }
+        let one = limit(pace);
         let hop = dy * width as isize + dx;
+        let height = |i: usize, nodes: &[Node]| nodes.get(i).map_or(f32::NAN, |n| n.g);
         for (y, x) in rows.clone().flat_map(|y| columns.clone().map(move |x| (y, x))) {
             let from = y * width + x;
-            let Some(first) = height(nodes, map, from) else { continue };
+            let first = height(from, nodes);
+            if first.is_nan() {
+                continue;
+            }
             // Cells left in this direction.
             let across = match dx {
                 0 => MOST,
@@ -114,9 +113,11 @@ fn judge(
             let (mut here, mut at) = (first, from);
             for (k, (&ramp, step)) in limits.iter().zip(1..=far.min(across).min(down)).enumerate() {
                 let Some(next) = at.checked_add_signed(hop) else { break };
-                let Some(there) = height(nodes, map, next) else { break };
-                let ledge = limits.first().is_some_and(|&l| (there - here).abs() > l);
-                if ledge {
+                let there = height(next, nodes);
+                if there.is_nan() {
+                    break;
+                }
+                if (there - here).abs() > one {
                     // The upper side of a ledge is what can't be walked onto, or off. The pair belongs to its own turn.
                     if k == 0 {
                         mark(nodes, if there > here { next } else { at });
