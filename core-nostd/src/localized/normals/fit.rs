@@ -103,33 +103,41 @@ impl Patch {
     fn by_columns(&self, rule: &Rule, dx: &[f32; COLUMNS]) -> [[f32; COLUMNS]; 6] {
         let &Rule { plane: (c, a, b), tolerance, max_step, within } = rule;
         let mut lanes = [[0.0_f32; COLUMNS]; 6];
-        let [n, y, yy, w, yw, ww] = &mut lanes;
-        // What is the same in every column: the offset, the plane's rise, its square, the distance.
+        let reach = |offset: f32| SLACK + max_step * if offset.abs() > 1.0 { offset.abs() } else { 1.0 };
+        // What is the same in every column: the offset, the plane's rise, the offset's square, how far a value may be off.
         let rows: [[f32; 4]; ROWS] = core::array::from_fn(|j| {
             let dy = self.dy + j as f32;
-            [dy, b * dy, dy * dy, dy.abs().max(1.0)]
+            [dy, b * dy, dy * dy, reach(dy)]
         });
+        let near = |&[dy, ..]: &[f32; 4]| dy.abs() <= within;
+        let first = rows.iter().position(near).unwrap_or(ROWS);
+        let count = rows.iter().take(self.rows).skip(first).take_while(|row| near(row)).count();
+        let rows = rows.get(first..first + count).unwrap_or(&[]);
+        let values = self.w.as_flattened().get(first * COLUMNS..).unwrap_or(&[]);
+        let [n, y, yy, w, yw, ww] = &mut lanes;
         let sums = n.iter_mut().zip(y).zip(yy).zip(w).zip(yw).zip(ww);
         for (i, (&dx, (((((n, y), yy), w), yw), ww))) in dx.iter().zip(sums).enumerate() {
-            if dx.abs() > within {
+            if !(dx.abs() <= within && 1.0 <= within) {
                 continue;
             }
-            let centre = c + a * dx;
-            for (line, &[dy, tilt, square, far]) in self.w.iter().zip(&rows).take(self.rows) {
-                let Some(&value) = line.get(i) else { continue };
-                let distance = if dx.abs() > far { dx.abs() } else { far };
-                if far <= within
-                    && (value - centre - tilt).abs() <= tolerance
-                    && value.abs() <= SLACK + max_step * distance
-                {
-                    *n += 1.0;
-                    *y += dy;
-                    *yy += square;
-                    *w += value;
-                    *yw += value * dy;
-                    *ww += value * value;
+            let (centre, by_column) = (c + a * dx, reach(dx));
+            // In registers until the column is done.
+            let mut sum = [0.0_f32; 6];
+            for (&value, &[dy, tilt, square, by_row]) in values.iter().skip(i).step_by(COLUMNS).zip(rows) {
+                if !((value - centre - tilt).abs() <= tolerance) {
+                    continue;
+                }
+                // The larger distance allows more.
+                if value.abs() <= by_column || value.abs() <= by_row {
+                    sum[0] += 1.0;
+                    sum[1] += dy;
+                    sum[2] += square;
+                    sum[3] += value;
+                    sum[4] += value * dy;
+                    sum[5] += value * value;
                 }
             }
+            [*n, *y, *yy, *w, *yw, *ww] = sum;
         }
         lanes
     }
@@ -188,6 +196,8 @@ pub(super) fn at<D: DepthSample>(
 ) -> Option<NormalEstimate> {
     let k = frame.intrinsics();
     let max_step = max_step.unwrap_or(STEEPEST / k.fx().abs().min(k.fy().abs()));
+    // Less than nothing is nothing.
+    let max_step = if max_step < 0.0 { 0.0 } else { max_step };
     let patch = Patch::gather(frame, x, y, radius.min(MAX_RADIUS))?;
     let mut rule = Rule { plane: (0.0, 0.0, 0.0), tolerance: f32::INFINITY, max_step, within: 2.0 };
     let mut fit = patch.solve(&rule)?;
