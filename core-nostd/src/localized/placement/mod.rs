@@ -1,7 +1,7 @@
 //! Is there a flat enough, large enough, free spot here for a box? Box placement as current headsets offer it; DepthLab's
 //! collision-aware placement asks about a box that already has its place, this finds the place.
 //!
-//! 1. *Support*: a plane is fitted by least squares to the readings seen through a grid over the footprint, up to five
+//! 1. *Support*: a plane is fitted by least squares to the readings seen through a grid over the footprint, up to seven
 //!    times, each time leaving out what lies off the last plane. It must not tilt or deviate too much, and enough of the
 //!    footprint's cells must lie on it ([`Placement::coverage`]): a table's edge or a hole in the data makes it too small.
 //! 2. *Room*: for every pixel that looks through the box, either the reading lies beyond the box, or on the support, or
@@ -10,7 +10,7 @@
 //!
 //! [`search`] tries many spots and keeps the best.
 //!
-//! Memory: none. Cost: 288 to 720 readings for the plane, 64 for the coverage, and each pixel of the box's projection once;
+//! Memory: none. Cost: 216 to 684 readings for the plane, 64 for the coverage, and each pixel of the box's projection once;
 //! a [`Pyramid`] saves the pixels of tiles that lie wholly beyond the box, and changes no answer. About 30 µs on a desktop
 //! core at 160 x 120, 5 ms for a search of 300 spots. Error: something
 //! narrower than a pixel, or lower than [`PlaceParams::clearance`], is not seen.

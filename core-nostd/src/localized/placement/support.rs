@@ -3,7 +3,7 @@
 //! All in the camera's frame, where a reading is three multiplications away. The plane is the least squares of heights over the
 //! last plane, which is small numbers: `f32` keeps their digits, and devices without double precision don't pay for it (a fit
 //! of points in `f64` is twenty times the instructions on a Cortex-M4F). Once a round turns the plane by less than [`SETTLED`], heights along
-//! the old normal and distances from the new plane agree to a millionth.
+//! the old normal and distances from the new plane agree to a ten-thousandth, and a last round on a finer grid gives the answer.
 
 use glam::Vec3;
 
@@ -16,15 +16,17 @@ use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 use crate::skipping::Work;
 
-/// Samples across the footprint in each direction: for the plane, and for the coverage.
+/// Samples across the footprint in each direction: for the plane while it turns, for the plane, and for the coverage.
+const TURNING_GRID: u16 = 6;
 const FIT_GRID: u16 = 12;
 const COVER_GRID: u16 = 8;
 
-/// Rounds, at most.
-const ROUNDS: usize = 5;
+/// Rounds, at most; on the coarse grid, at most.
+const ROUNDS: usize = 7;
+const TURNING_ROUNDS: usize = 3;
 
-/// A round that turns the plane by less (radians) lets in what the round before it did.
-const SETTLED: f32 = 1e-3;
+/// A round that turns the plane by less (radians) lets in what the round before it did: the last one, on the fine grid, follows.
+const SETTLED: f32 = 1e-2;
 
 /// The plane and how far readings lie off it.
 pub(super) struct Support {
@@ -94,14 +96,15 @@ pub(super) fn fit<D: DepthSample>(
     let mut gate = 0.1 * reach + 2.0 * params.max_roughness;
     let mut support = Err(NoPlace::NoSurface);
     // The foot of a post among the readings pulls the first plane off: each round lets less of it in.
-    for _ in 0..ROUNDS {
+    let mut grid = TURNING_GRID;
+    for round in 1..=ROUNDS {
         let up_now = plane.normal();
         let sheet = Sheet::new(frame, plane.project(middle), up_now, params).ok_or(NoPlace::NoSurface)?;
         // Along the sides in cells of the grid, up in metres.
-        let cells = 0.5 * f32::from(FIT_GRID);
+        let cells = 0.5 * f32::from(grid);
         let (x, z) = (sheet.x * (cells / sheet.half.0), sheet.z * (cells / sheet.half.1));
         let mut sums = Sums::default();
-        sheet.each(FIT_GRID, |point| {
+        sheet.each(grid, |point| {
             let Some(p) = read(frame, point, work) else { return };
             let away = p - sheet.middle;
             let height = up_now.dot(away);
@@ -126,8 +129,12 @@ pub(super) fn fit<D: DepthSample>(
             return support;
         }
         let closed = gate.min((3.0 * rms).max(0.5 * params.max_roughness));
-        if closed == gate && steep < SETTLED * SETTLED {
+        let settled = closed == gate && steep < SETTLED * SETTLED;
+        if grid == FIT_GRID && settled {
             return support;
+        }
+        if settled || round == TURNING_ROUNDS {
+            grid = FIT_GRID;
         }
         gate = closed;
     }
