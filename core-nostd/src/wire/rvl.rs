@@ -106,7 +106,7 @@ impl Writer<'_> {
 /// let depth = DepthArray::<160, 120>::filled(1500);
 /// let mut bytes = [0; rvl::most_bytes(160 * 120)];
 /// let used = rvl::encode(depth.view(), &mut bytes)?;
-/// assert_eq!(used, 9_604); // a nibble a pixel: the differences are 0
+/// assert_eq!(used, 9_608); // a nibble a pixel: the differences are 0
 /// let mut back = DepthArray::<160, 120>::filled(0);
 /// assert_eq!(rvl::decode(&bytes[..used], &mut back.view_mut())?, used);
 /// assert_eq!(back, depth);

@@ -70,9 +70,31 @@ pub(super) fn measure() -> Result<Figures> {
         bail!("the negative control did not fail as it must:\n{said}");
     }
     println!("it does: answers differ");
+    example()?;
     footprint(&mut figures)?;
     Ok(figures)
 }
+
+/// The image to start from runs to its end: six answers. Its only panics may be those of [`QUEUES`].
+fn example() -> Result<()> {
+    let example = Board { package: "isobath-firmware-example", ..M4 };
+    example.build(&[])?;
+    let (passed, said) = example.run()?;
+    if !passed || said.lines().filter(|line| line.starts_with("seen ")).count() != 6 {
+        bail!("the example says:\n{said}");
+    }
+    let bytes = example.image()?;
+    let elf = Elf::parse(&bytes).context("the image is no ELF file that we can read")?;
+    let panics = elf.symbols_with(PANICS);
+    if let Some(other) = panics.iter().find(|name| !QUEUES.iter().any(|known| name.contains(known))) {
+        bail!("the example can panic: {other}");
+    }
+    println!("the example answers six frames");
+    Ok(())
+}
+
+/// What heapless's queues link: a remainder by their length, which is never 0, but which they know at run time only.
+const QUEUES: [&str; 2] = ["panic_const_rem_by_zero", "panic_fmt"];
 
 fn folder(target: &str) -> PathBuf {
     root().join("tests/firmware/target").join(target).join("release")
