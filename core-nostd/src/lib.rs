@@ -9,6 +9,7 @@
 //!
 //! | floor | modules | what it knows |
 //! |---|---|---|
+//! | edges | [`wire`] | forms in which frames travel or lie in flash |
 //! | answers | [`localized`] | a few points of one frame: normals, hits, rays, placement, paths |
 //! | skipping | [`skipping`] | what needs no work: min/max depth pyramid |
 //! | sensing | [`sensing`] | depth values, cameras, poses, frames |
@@ -44,3 +45,4 @@ pub mod ground;
 pub mod localized;
 pub mod sensing;
 pub mod skipping;
+pub mod wire;

@@ -15,7 +15,7 @@ mod sensing;
 use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::glam::{Quat, Vec2, Vec3};
 
-pub use decode::{depth16, disparity, metres, projective, u16_bytes};
+pub use decode::{depth16, disparity, metres, projective, rvl, u16_bytes};
 pub use features::features;
 pub use localized::localized;
 pub use parsers::{camera_file, depth_png, lists, npy, pgm};
@@ -31,6 +31,7 @@ pub const TARGETS: &[Target] = &[
     ("decode_metres", metres),
     ("decode_disparity", disparity),
     ("decode_projective", projective),
+    ("decode_rvl", rvl),
     ("camera", camera),
     ("pose", pose),
     ("rectify", rectify),

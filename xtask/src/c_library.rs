@@ -8,7 +8,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 
-use crate::proof::{BARE_METAL, Elf, PANICS};
+use crate::elf::Elf;
+use crate::proof::{BARE_METAL, PANICS};
 use crate::shell::{Cmd, ensure_debian, ensure_target, root};
 
 /// `cargo xtask c-library`.

@@ -1,13 +1,15 @@
 //! `cargo xtask VERB`: the one entry point for isobath's checks, data and documents, the same on a desk and in CI.
 //!
-//! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`fuzz`],
-//! [`c_library`], [`instructions`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
+//! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`firmware`],
+//! [`fuzz`], [`c_library`], [`instructions`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
 
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 
 mod c_library;
+mod elf;
+mod firmware;
 mod fuzz;
 mod instructions;
 mod motorcycle;
@@ -65,6 +67,16 @@ const VERBS: &[Verb] = &[
                   the tree the link must fail, with an unchecked index a panic must be found. Prints text, data and bss. A panic\n\
                   symbol in the image is an error, which names the functions that call it.",
         run: |args| no_arguments(&args).and_then(|()| proof::run()),
+    },
+    Verb {
+        name: "firmware",
+        arguments: "[--store]",
+        summary: "run the bare-metal images in QEMU: answers, instructions, stack, memory against what is stored",
+        details: "--store  take what was measured for the stored figures (tests/firmware/results.toml) and write docs/footprint.md\n\n\
+                  Builds tests/firmware for Cortex-M4F, Cortex-M55 and AArch64 and runs it in QEMU, which it installs where it can\n\
+                  (Debian's qemu-system-arm, for which apt removes a newer qemu-utils that conflicts with it). Fails when an answer is not the host's, when a figure is off by more than 3 % in either\n\
+                  direction, when the localized job's stack exceeds 8 KiB on the M4, or when an image can panic.",
+        run: firmware::verb,
     },
     Verb {
         name: "c-library",

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::proof::BARE_METAL;
 use crate::shell::{Cmd, Missing, ensure_component, ensure_target};
-use crate::{c_library, fuzz, instructions, proof};
+use crate::{c_library, firmware, fuzz, instructions, proof};
 
 /// One row of the table: a name to pick it by, whether the quick loop has it, what it does, and how.
 struct Suite {
@@ -31,7 +31,7 @@ const SUITES: &[Suite] = &[
             ensure_component("rustfmt", &["fmt", "--version"], "the format check")?;
             Cmd::new("cargo").args(["fmt", "--all", "--check"]).run()?;
             for manifest in ["fuzz/Cargo.toml", proof::MANIFEST] {
-                Cmd::new("cargo").args(["fmt", "--check", "--manifest-path", manifest]).run()?;
+                Cmd::new("cargo").args(["fmt", "--all", "--check", "--manifest-path", manifest]).run()?;
             }
             Ok(())
         },
@@ -79,6 +79,12 @@ const SUITES: &[Suite] = &[
         quick: false,
         what: "an image without an allocator links, holds no panic, and one with `alloc` does not link",
         run: |_| proof::run(),
+    },
+    Suite {
+        name: "firmware",
+        quick: false,
+        what: "the per-frame job in QEMU: the host's answers, and instructions, stack and sizes as stored",
+        run: |_| firmware::run(false),
     },
     Suite {
         name: "c-interface",

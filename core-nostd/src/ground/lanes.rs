@@ -18,6 +18,10 @@ pub(crate) fn vectorised<R>(kernel: impl FnOnce() -> R) -> R {
     kernel()
 }
 
+/// Whether the target computes several numbers at a time. 32-bit Arm here means Cortex-M, where a loop over lanes keeps its sums in
+/// memory and pays a load and a store for each: kernels take another way through the same sums there, to the same bits.
+pub(crate) const VECTORS: bool = !cfg!(target_arch = "arm");
+
 /// Numbers in a [`Lanes`].
 pub(crate) const LANES: usize = 8;
 

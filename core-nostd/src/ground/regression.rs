@@ -30,8 +30,7 @@ pub(crate) struct Regression {
 }
 
 impl Sums {
-    /// One reading more. Kernels sum many at a time; this is for tests to check them by.
-    #[cfg(test)]
+    /// One reading more. Kernels over whole tiles sum many at a time.
     pub(crate) fn add(&mut self, x: f32, y: f32, w: f32) {
         self.n += 1.0;
         self.x += x;

@@ -8,6 +8,7 @@
 use core::fmt;
 
 use crate::ground::image::ImageView;
+use crate::ground::lanes::VECTORS;
 use crate::sensing::depth::DepthSample;
 
 /// Side of the finest tiles, in pixels.
@@ -160,7 +161,8 @@ impl<'a, D: DepthSample> Pyramid<'a, D> {
         if needed > 0 {
             let (mut w, mut h) = (width.div_ceil(FINEST_TILE), height.div_ceil(FINEST_TILE));
             let (mut below, mut rest) = cells.split_at_mut_checked(w * h).unwrap_or_default();
-            build_finest(depth, below, w);
+            let build = if VECTORS { build_finest } else { build_by_tiles };
+            build(depth, below, w);
             let mut start = 0;
             for level in &mut levels {
                 *level = Level { start: start as u32, width: w as u32, height: h as u32 };
@@ -232,6 +234,32 @@ impl<'a, D: DepthSample> Pyramid<'a, D> {
     #[must_use]
     pub fn whole(&self) -> Cell<D> {
         self.cells.last().copied().unwrap_or(Cell::EMPTY)
+    }
+}
+
+/// Tile by tile, its three numbers in registers: for targets without vector units.
+fn build_by_tiles<D: DepthSample>(depth: ImageView<'_, D>, out: &mut [Cell<D>], across: usize) {
+    for (ty, line) in out.chunks_mut(across.max(1)).enumerate() {
+        let mut rows: [_; FINEST_TILE] = core::array::from_fn(|j| depth.row(ty * FINEST_TILE + j).chunks(FINEST_TILE));
+        for cell in line {
+            let Cell { mut min, mut max, mut holes } = Cell::EMPTY;
+            let mut take = |v: D| {
+                if v.is_valid() {
+                    min = if v < min { v } else { min };
+                    max = if v > max { v } else { max };
+                } else {
+                    holes += 1;
+                }
+            };
+            for four in rows.iter_mut().filter_map(Iterator::next) {
+                // Nearly every tile is whole: no loop.
+                match four {
+                    &[a, b, c, d] => [a, b, c, d].into_iter().for_each(&mut take),
+                    cut => cut.iter().copied().for_each(&mut take),
+                }
+            }
+            *cell = Cell { min, max, holes };
+        }
     }
 }
 
@@ -308,7 +336,11 @@ mod tests {
     fn every_cell_is_right<D: DepthSample>(data: &[D], w: usize, h: usize) {
         let depth = ImageView::new(data, w, h).unwrap();
         let mut storage = vec![Cell::EMPTY; cells_needed(w, h)];
+        // The way of targets without vector units.
+        let mut by_tiles = vec![Cell::EMPTY; w.div_ceil(FINEST_TILE) * h.div_ceil(FINEST_TILE)];
+        build_by_tiles(depth, &mut by_tiles, w.div_ceil(FINEST_TILE));
         let pyramid = Pyramid::build(depth, &mut storage).unwrap();
+        assert!(by_tiles == pyramid.cells[..by_tiles.len()]);
         assert_eq!(pyramid.size(), (w, h));
         for level in 0..pyramid.levels() {
             let (lw, lh) = pyramid.level_size(level);

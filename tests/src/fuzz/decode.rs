@@ -4,6 +4,7 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::ground::image::{ImageView, ImageViewMut};
 use isobath::sensing::depth::decode::{self, ByteOrder, DecodeError, DecodeReport, Disparity, Projective};
 use isobath::sensing::depth::{DepthSample, DepthUnit};
+use isobath::wire::rvl as wire;
 
 use super::{elements, fill, number, shape, word};
 
@@ -136,4 +137,28 @@ pub fn projective(data: &[u8]) {
         |raw, k, unit, out| decode::projective(raw, of(k), unit, out),
         |raw, k, unit, out| decode::projective(raw, of(k), unit, out),
     );
+}
+
+/// [`wire`]: any bytes decode or are refused; any image comes back from its own stream.
+pub fn rvl(data: &[u8]) {
+    let mut u = Unstructured::new(data);
+    let _ = (|| -> Result<()> {
+        let (width, height, _) = shape(&mut u)?;
+        let mut out = vec![7; width * height];
+        let mut view = ImageViewMut::new(&mut out, width, height).expect("as long as asked");
+        let bytes = u.take_rest();
+        match wire::decode(bytes, &mut view) {
+            Ok(used) => assert!(used <= bytes.len() && used % 4 == 0),
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+        // What was read of it, and the untouched rest, is an image like any other.
+        let mut stream = vec![0; wire::most_bytes(out.len())];
+        let used = wire::encode(ImageView::new(&out, width, height).expect("as long as asked"), &mut stream);
+        let used = used.expect("most_bytes suffices");
+        let mut back = vec![0; width * height];
+        let mut view = ImageViewMut::new(&mut back, width, height).expect("as long as asked");
+        assert_eq!(wire::decode(&stream[..used], &mut view), Ok(used));
+        assert_eq!(back, out);
+        Ok(())
+    })();
 }

@@ -8,7 +8,7 @@ use core::fmt;
 
 use super::{NormalMethod, NormalParams, exact, facing, normal_at};
 use crate::ground::image::ImageViewMut;
-use crate::ground::lanes::vectorised;
+use crate::ground::lanes::{VECTORS, vectorised};
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 use crate::skipping::Work;
@@ -189,7 +189,11 @@ fn walk<D: DepthSample, const FIT: bool>(
                 #[inline(always)]
                 || {
                     ring.push(frame, part.x, Some(y + PAD));
-                    cross_row::<D, FIT>(frame, part.x, y, &ring.window(), &mut out);
+                    if VECTORS || FIT {
+                        cross_row::<D, FIT>(frame, part.x, y, &ring.window(), &mut out);
+                    } else {
+                        cross_row_in_registers(frame, part.x, y, &ring.window(), &mut out);
+                    }
                 },
             );
         } else {
@@ -405,6 +409,47 @@ fn cross_row<D: DepthSample, const FIT: bool>(
     }
 }
 
+/// As [`cross_row`], for targets without vector units, to the same bits: what one pixel knows of its row, the next one uses, and
+/// holes are left at once.
+fn cross_row_in_registers<D: DepthSample>(
+    frame: &DepthFrame<'_, D>,
+    first: usize,
+    y: usize,
+    window: &[&[f32]; ROWS],
+    out: &mut Outputs<'_>,
+) {
+    let k = frame.intrinsics();
+    let (fx, fy, cx) = (k.fx(), k.fy(), k.cx());
+    let (turn_x, turn_y) = (exact::turn(fx), exact::turn(fy));
+    let dy = y as f32 - k.cy();
+    let n = out.x.len();
+    let [up2, up1, line, down1, down2] = *window;
+    let (up2, up1, down1, down2) = (cut(up2, PAD, n), cut(up1, PAD, n), cut(down1, PAD, n), cut(down2, PAD, n));
+    let [l2, l1, mut c, mut r1] = *line.first_chunk::<4>().unwrap_or(&[exact::HOLE; 4]);
+    // First and second differences along the row, each computed once.
+    let (mut l, mut r) = (c - l1, r1 - c);
+    let (mut before, mut bend) = (l - (l1 - l2), r - l);
+    let mut column = first as f32;
+    let taps = cut(line, 4, n).iter().zip(up2).zip(up1).zip(down1).zip(down2);
+    for (((((&r2, &u2), &u1), &d1), &d2), ((nx, ny), nz)) in
+        taps.zip(out.x.iter_mut().zip(out.y.iter_mut()).zip(out.z.iter_mut()))
+    {
+        let next = r2 - r1;
+        let after = next - r;
+        let mut normal = [f32::from_bits(u32::MAX); 3];
+        if c < exact::REAL {
+            let h = exact::slope_of(l, r, [before, bend, after], c * turn_x);
+            let v = exact::slope(u2, u1, c, d1, d2, turn_y);
+            if exact::is_real(c, h, v) {
+                normal = facing(c, h.value, v.value, column - cx, dy, fx, fy);
+            }
+        }
+        [*nx, *ny, *nz] = normal;
+        (l, r, before, bend, c, r1) = (r, next, bend, after, r1, r2);
+        column += 1.0;
+    }
+}
+
 /// `n` values of a padded row, from `from`; every row is `n + 2 PAD` long, so the cut always succeeds.
 fn cut(row: &[f32], from: usize, n: usize) -> &[f32] {
     row.get(from..).and_then(|rest| rest.get(..n)).unwrap_or(&[])
@@ -423,5 +468,44 @@ fn point_row<D: DepthSample>(
             Some(e) => (e.normal.to_array(), e.residual, f32::from(e.support)),
             None => ([f32::NAN; 3], f32::NAN, f32::NAN),
         };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::image::ImageView;
+    use crate::sensing::camera::Intrinsics;
+    use crate::sensing::depth::DepthUnit;
+    use std::vec;
+    use std::vec::Vec;
+
+    /// Devices without vector units walk the row in another way: the same bits, holes and edges included.
+    #[test]
+    fn both_ways_along_a_row_give_the_same_normals() {
+        let (w, h) = (61, 23);
+        let depth: Vec<u16> = (0..w * h)
+            .map(|i| match (i * 7919) % 31 {
+                0 => 0,
+                1 => 65_535,
+                n if n < 6 => (2000 + n) as u16,
+                n => (1000 + n + (i % w) * 9 + i / w * 5) as u16,
+            })
+            .collect();
+        let k = Intrinsics::new(50.0, -52.0, 30.0, 11.0).unwrap();
+        let frame = DepthFrame::new(ImageView::new(&depth, w, h).unwrap(), DepthUnit::MILLIMETRE, k);
+        let (mut rows, mut outputs) =
+            (vec![0.0; ROWS * (w + 2 * PAD)], [vec![0.0; OUTPUTS * w], vec![0.0; OUTPUTS * w]]);
+        let mut ring = Ring::new(&mut rows, w + 2 * PAD);
+        (0..2 * PAD).for_each(|y| ring.push(&frame, 0, y.checked_sub(PAD)));
+        for y in 0..h {
+            ring.push(&frame, 0, Some(y + PAD));
+            let [a, b] = &mut outputs;
+            let (mut a, mut b) = (Outputs::split(a, w), Outputs::split(b, w));
+            cross_row::<u16, false>(&frame, 0, y, &ring.window(), &mut a);
+            cross_row_in_registers(&frame, 0, y, &ring.window(), &mut b);
+            let bits = |o: &Outputs<'_>| [&*o.x, &*o.y, &*o.z].concat().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&a), bits(&b), "row {y}");
+        }
     }
 }

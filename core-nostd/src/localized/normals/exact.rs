@@ -38,15 +38,19 @@ pub(super) fn turn(focal: f32) -> f32 {
 #[inline(always)]
 pub(super) fn slope(l2: f32, l1: f32, c: f32, r1: f32, r2: f32, turn: f32) -> Slope {
     let (l, r) = (c - l1, r1 - c);
-    let before = l - (l1 - l2);
-    let after = (r2 - r1) - r;
-    let mut bend = r - l;
+    slope_of(l, r, [l - (l1 - l2), r - l, (r2 - r1) - r], c * turn)
+}
+
+/// As [`slope`], from the two first differences beside the middle, the three second differences around it, and the largest that
+/// one surface has there.
+#[inline(always)]
+pub(super) fn slope_of(l: f32, r: f32, [before, mut bend, after]: [f32; 3], most: f32) -> Slope {
     bend = if before.abs() < bend.abs() { before } else { bend };
     let right = after.abs() < bend.abs();
     bend = if right { -after } else { bend };
     let base = if right { r } else { l };
     let pair = if l.abs() < r.abs() { l } else { r };
-    let three = bend.abs() < c * turn;
+    let three = bend.abs() < most;
     Slope {
         value: if three { base + 0.5 * bend } else { pair },
         curvature: if three { bend.abs() } else { 0.0 },

@@ -1,11 +1,12 @@
 //! The wide fit: least squares of inverse depth over the pixels around a point that lie on its surface.
 //!
 //! 1.5 kB of stack. Sums run down the columns of a patch of fixed width, each column a lane: they vectorise without
-//! reordering anything the compiler may not reorder.
+//! reordering anything the compiler may not reorder. Without vector units, column after column: the same sums in registers.
 
 use glam::Vec3;
 
 use super::{MAX_RADIUS, NormalEstimate, facing};
+use crate::ground::lanes::VECTORS;
 use crate::ground::math;
 use crate::ground::regression::Sums;
 use crate::sensing::depth::DepthSample;
@@ -59,11 +60,9 @@ impl Patch {
         Some(patch)
     }
 
-    /// Least squares over the pixels that `rule` lets in; `None` when they do not span a plane.
-    fn solve(&self, rule: &Rule) -> Option<Fit> {
+    /// Sums down the columns, row by row, every column a lane: n, y, y², w, y w, w².
+    fn by_rows(&self, rule: &Rule, dx: &[f32; COLUMNS]) -> [[f32; COLUMNS]; 6] {
         let &Rule { plane: (c, a, b), tolerance, max_step, within } = rule;
-        // Down the columns, every column a lane.
-        let dx: [f32; COLUMNS] = core::array::from_fn(|i| self.dx + i as f32);
         let centre: [f32; COLUMNS] = dx.map(|dx| c + a * dx);
         let mut lanes = [[0.0_f32; COLUMNS]; 6];
         for (j, line) in self.w.iter().take(self.rows).enumerate() {
@@ -97,6 +96,56 @@ impl Patch {
                 }
             }
         }
+        lanes
+    }
+
+    /// The same sums in the same order, one column after the other: six registers instead of 96 words of memory.
+    fn by_columns(&self, rule: &Rule, dx: &[f32; COLUMNS]) -> [[f32; COLUMNS]; 6] {
+        let &Rule { plane: (c, a, b), tolerance, max_step, within } = rule;
+        let mut lanes = [[0.0_f32; COLUMNS]; 6];
+        let reach = |offset: f32| SLACK + max_step * if offset.abs() > 1.0 { offset.abs() } else { 1.0 };
+        // What is the same in every column: the offset, the plane's rise, the offset's square, how far a value may be off.
+        let rows: [[f32; 4]; ROWS] = core::array::from_fn(|j| {
+            let dy = self.dy + j as f32;
+            [dy, b * dy, dy * dy, reach(dy)]
+        });
+        let near = |&[dy, ..]: &[f32; 4]| dy.abs() <= within;
+        let first = rows.iter().position(near).unwrap_or(ROWS);
+        let count = rows.iter().take(self.rows).skip(first).take_while(|row| near(row)).count();
+        let rows = rows.get(first..first + count).unwrap_or(&[]);
+        let values = self.w.as_flattened().get(first * COLUMNS..).unwrap_or(&[]);
+        let [n, y, yy, w, yw, ww] = &mut lanes;
+        let sums = n.iter_mut().zip(y).zip(yy).zip(w).zip(yw).zip(ww);
+        for (i, (&dx, (((((n, y), yy), w), yw), ww))) in dx.iter().zip(sums).enumerate() {
+            if !(dx.abs() <= within && 1.0 <= within) {
+                continue;
+            }
+            let (centre, by_column) = (c + a * dx, reach(dx));
+            // In registers until the column is done.
+            let mut sum = [0.0_f32; 6];
+            for (&value, &[dy, tilt, square, by_row]) in values.iter().skip(i).step_by(COLUMNS).zip(rows) {
+                if !((value - centre - tilt).abs() <= tolerance) {
+                    continue;
+                }
+                // The larger distance allows more.
+                if value.abs() <= by_column || value.abs() <= by_row {
+                    sum[0] += 1.0;
+                    sum[1] += dy;
+                    sum[2] += square;
+                    sum[3] += value;
+                    sum[4] += value * dy;
+                    sum[5] += value * value;
+                }
+            }
+            [*n, *y, *yy, *w, *yw, *ww] = sum;
+        }
+        lanes
+    }
+
+    /// Least squares over the pixels that `rule` lets in; `None` when they do not span a plane.
+    fn solve(&self, rule: &Rule) -> Option<Fit> {
+        let dx: [f32; COLUMNS] = core::array::from_fn(|i| self.dx + i as f32);
+        let lanes = if VECTORS { self.by_rows(rule, &dx) } else { self.by_columns(rule, &dx) };
         let [cn, cy, cyy, cw, cyw, cww] = &lanes;
         let total = |column: &[f32; COLUMNS]| column.iter().sum::<f32>();
         let moment = |column: &[f32; COLUMNS]| column.iter().zip(&dx).map(|(v, dx)| v * dx).sum::<f32>();
@@ -147,6 +196,8 @@ pub(super) fn at<D: DepthSample>(
 ) -> Option<NormalEstimate> {
     let k = frame.intrinsics();
     let max_step = max_step.unwrap_or(STEEPEST / k.fx().abs().min(k.fy().abs()));
+    // Less than nothing is nothing.
+    let max_step = if max_step < 0.0 { 0.0 } else { max_step };
     let patch = Patch::gather(frame, x, y, radius.min(MAX_RADIUS))?;
     let mut rule = Rule { plane: (0.0, 0.0, 0.0), tolerance: f32::INFINITY, max_step, within: 2.0 };
     let mut fit = patch.solve(&rule)?;
@@ -169,4 +220,34 @@ pub(super) fn at<D: DepthSample>(
         support: fit.n as u16,
         residual: fit.rms * z,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Devices without vector units sum in the other order of loops: the same bits.
+        #[test]
+        fn both_ways_give_the_same_sums(
+            values in proptest::array::uniform32(-0.1_f32..0.1),
+            holes in any::<u32>(),
+            plane in proptest::array::uniform3(-0.02_f32..0.02),
+            (rows, within) in (1..=ROWS, 1_u8..8),
+            (dx, dy) in (-7_i8..=0, -7_i8..=0),
+        ) {
+            let w = core::array::from_fn(|j| core::array::from_fn(|i| {
+                let k = (j * 5 + i * 3) % 32;
+                if holes >> k & 1 == 1 { f32::NAN } else { values[k] }
+            }));
+            let patch = Patch { w, rows, dx: dx.into(), dy: dy.into() };
+            let [c, a, b] = plane;
+            let columns = core::array::from_fn(|i| patch.dx + i as f32);
+            for tolerance in [f32::INFINITY, 0.05] {
+                let rule = Rule { plane: (c, a, b), tolerance, max_step: 0.02, within: within.into() };
+                prop_assert_eq!(patch.by_rows(&rule, &columns), patch.by_columns(&rule, &columns));
+            }
+        }
+    }
 }

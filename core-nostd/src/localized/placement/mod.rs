@@ -1,8 +1,8 @@
 //! Is there a flat enough, large enough, free spot here for a box? Box placement as current headsets offer it; DepthLab's
 //! collision-aware placement asks about a box that already has its place, this finds the place.
 //!
-//! 1. *Support*: a plane is fitted by least squares to the readings seen through a grid over the footprint, three times,
-//!    each time leaving out what lies off the last plane. It must not tilt or deviate too much, and enough of the
+//! 1. *Support*: a plane is fitted by least squares to the readings seen through a grid over the footprint, up to seven
+//!    times, each time leaving out what lies off the last plane. It must not tilt or deviate too much, and enough of the
 //!    footprint's cells must lie on it ([`Placement::coverage`]): a table's edge or a hole in the data makes it too small.
 //! 2. *Room*: for every pixel that looks through the box, either the reading lies beyond the box, or on the support, or
 //!    the place is blocked: something is in the box, or stands before it and hides what is in it. The whole box must be in
@@ -10,28 +10,28 @@
 //!
 //! [`search`] tries many spots and keeps the best.
 //!
-//! Memory: none. Cost: 432 readings for the plane, 64 for the coverage, and each pixel of the box's projection once;
+//! Memory: none. Cost: 216 to 684 readings for the plane, 64 for the coverage, and each pixel of the box's projection once;
 //! a [`Pyramid`] saves the pixels of tiles that lie wholly beyond the box, and changes no answer. About 30 µs on a desktop
 //! core at 160 x 120, 5 ms for a search of 300 spots. Error: something
 //! narrower than a pixel, or lower than [`PlaceParams::clearance`], is not seen.
 
+mod room;
 pub mod search;
+mod support;
 #[cfg(test)]
 mod tests;
 
 use core::fmt;
 
-use glam::{Mat3, Quat, Vec2, Vec3};
+use glam::{Mat3, Quat, Vec3};
 
 use crate::ground::geometry::{OrientedBox, Plane};
 use crate::ground::math;
-use crate::ground::rotation::{rotate, rotate_back};
-use crate::localized::normals::{NormalParams, normal_at};
-use crate::localized::plane::{PlaneEstimate, PlaneSum};
+use crate::ground::rotation::rotate;
 use crate::sensing::depth::{DepthSample, HolePolicy};
 use crate::sensing::frame::DepthFrame;
 use crate::skipping::Work;
-use crate::skipping::pyramid::{FINEST_TILE, Pyramid};
+use crate::skipping::pyramid::Pyramid;
 
 /// Which way the box's own z axis looks.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -227,10 +227,6 @@ pub fn place<D: DepthSample>(
     PlaceAnswer { outcome, work }
 }
 
-/// Samples across the footprint in each direction: for the plane, and for the coverage.
-const FIT_GRID: usize = 12;
-const COVER_GRID: usize = 8;
-
 fn try_place<D: DepthSample>(
     frame: &DepthFrame<'_, D>,
     pyramid: Option<&Pyramid<'_, D>>,
@@ -238,7 +234,7 @@ fn try_place<D: DepthSample>(
     params: &PlaceParams,
     work: &mut Work,
 ) -> Result<Placement, NoPlace> {
-    let size = params.size;
+    let (size, pose) = (params.size, frame.pose_or_identity());
     // The least of numbers and a NaN is a number: asked by itself.
     if !(size.is_finite() && size.min_element() >= 1e-3 && size.max_element() <= 1e3) {
         return Err(NoPlace::BadSize);
@@ -252,14 +248,18 @@ fn try_place<D: DepthSample>(
     if x >= frame.size().0 || y >= frame.size().1 {
         return Err(NoPlace::OutsideView);
     }
-    let seen = frame.world_point(x, y).ok_or(NoPlace::NoSurface)?;
+    // In the camera's frame, where readings are, until the box is placed.
+    let seen = frame.point(x, y).ok_or(NoPlace::NoSurface)?;
     let middle = match spot {
-        Spot::World(point) if (point - seen).length() > reach => return Err(NoPlace::NoSurface),
-        Spot::World(point) => point,
+        Spot::World(point) => pose.to_camera(point),
         Spot::Pixel(..) => seen,
     };
-    let support = fit_support(frame, (x, y), middle, seen, up, reach, params, work)?;
-    let plane = support.plane;
+    if (middle - seen).length() > reach {
+        return Err(NoPlace::NoSurface);
+    }
+    let up_seen = pose.direction_to_camera(up);
+    let support = support::fit(frame, (x, y), middle, seen, up_seen, params, work)?;
+    let plane = support.plane.transformed(pose.rotation(), pose.translation());
     let tilt = math::acos(plane.normal().dot(up));
     if !(tilt <= params.max_tilt) {
         return Err(NoPlace::TooSteep { tilt });
@@ -271,70 +271,21 @@ fn try_place<D: DepthSample>(
         Stand::OnSurface => plane.normal(),
         Stand::Upright => up,
     };
-    let footprint = Footprint::new(frame, plane.project(middle), standing, params).ok_or(NoPlace::NoSurface)?;
     let clearance = params.clearance.max(3.0 * support.rms);
-    let on_plane = |p: Vec3| plane.distance(p).abs() <= clearance;
-    let covered = footprint.grid::<COVER_GRID>().filter(|p| {
-        // The point of the plane under this cell of the footprint.
-        read(frame, plane.project(*p), work).is_some_and(on_plane)
-    });
-    let coverage = covered.count() as f32 / (COVER_GRID * COVER_GRID) as f32;
+    let coverage = support.coverage(frame, middle, pose.direction_to_camera(standing), clearance, params, work);
+    let coverage = coverage.ok_or(NoPlace::NoSurface)?;
     if !(coverage >= params.min_coverage) {
         return Err(NoPlace::TooSmall { coverage });
     }
-    let pose = footprint.standing_on(&plane, size);
-    check_room(frame, pyramid.filter(|p| p.size() == frame.size()), &pose, &plane, clearance, params, work)?;
-    Ok(Placement { pose, plane, flatness: support.rms, tilt, coverage })
+    let foot = pose.to_world(support.plane.project(middle));
+    let footprint = Footprint::new(frame, foot, standing, params).ok_or(NoPlace::NoSurface)?;
+    let stood = footprint.standing_on(&plane, size);
+    let pyramid = pyramid.filter(|p| p.size() == frame.size());
+    room::check(frame, pyramid, &stood, &support.plane, clearance, params, work)?;
+    Ok(Placement { pose: stood, plane, flatness: support.rms, tilt, coverage })
 }
 
-/// The reading in the direction of a world point, as a world point.
-fn read<D: DepthSample>(frame: &DepthFrame<'_, D>, point: Vec3, work: &mut Work) -> Option<Vec3> {
-    let (x, y) = frame.pixel_of_world(point)?;
-    work.done = work.done.saturating_add(1);
-    frame.world_point(x, y)
-}
-
-/// The plane of the readings under the footprint.
-fn fit_support<D: DepthSample>(
-    frame: &DepthFrame<'_, D>,
-    pixel: (usize, usize),
-    middle: Vec3,
-    seen: Vec3,
-    up: Vec3,
-    reach: f32,
-    params: &PlaceParams,
-    work: &mut Work,
-) -> Result<PlaneEstimate, NoPlace> {
-    let pose = frame.pose_or_identity();
-    let normal = normal_at(frame, pixel.0, pixel.1, &NormalParams::POINT)
-        .map_or(up, |estimate| pose.direction_to_world(estimate.normal));
-    let mut plane = Plane::through(seen, normal).ok_or(NoPlace::NoSurface)?;
-    // First what the local normal's error may leave off, then what noise may.
-    let mut gate = 0.1 * reach + 2.0 * params.max_roughness;
-    let mut fit = Err(NoPlace::NoSurface);
-    // The foot of a post among the readings pulls the first plane off: each round lets less of it in.
-    for _ in 0..5 {
-        let footprint =
-            Footprint::new(frame, plane.project(middle), plane.normal(), params).ok_or(NoPlace::NoSurface)?;
-        let mut sum = PlaneSum::new();
-        for point in footprint.grid::<FIT_GRID>() {
-            if let Some(p) = read(frame, point, work).filter(|p| plane.distance(*p).abs() <= gate) {
-                sum.add(p);
-            }
-        }
-        let better = sum.fit(pose.translation() - seen).map_err(|_| NoPlace::NoSurface)?;
-        plane = better.plane;
-        // Hopeless already: a wall.
-        if math::acos(plane.normal().dot(up)) > 2.0 * params.max_tilt + 0.3 {
-            return Ok(better);
-        }
-        gate = gate.min((3.0 * better.rms).max(0.5 * params.max_roughness));
-        fit = Ok(better);
-    }
-    fit
-}
-
-/// A rectangle with its axes: the underside of the box.
+/// A rectangle with its axes, in the world: the underside of the box.
 struct Footprint {
     middle: Vec3,
     rotation: Quat,
@@ -359,12 +310,6 @@ impl Footprint {
         self.middle + rotate(self.rotation, Vec3::new(x * self.half.0, 0.0, z * self.half.1))
     }
 
-    /// The middles of N by N cells.
-    fn grid<const N: usize>(&self) -> impl Iterator<Item = Vec3> + '_ {
-        let place = |i: usize| (2 * i + 1) as f32 / N as f32 - 1.0;
-        (0..N * N).map(move |i| self.at(place(i % N), place(i / N)))
-    }
-
     /// The box whose lowest corner touches the plane.
     fn standing_on(&self, plane: &Plane, size: Vec3) -> OrientedBox {
         let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
@@ -372,101 +317,4 @@ impl Footprint {
         let up = rotate(self.rotation, Vec3::Y);
         OrientedBox { centre: self.middle + up * (0.5 * size.y - lowest), half: 0.5 * size, rotation: self.rotation }
     }
-}
-
-/// Looks through every pixel of the box.
-fn check_room<D: DepthSample>(
-    frame: &DepthFrame<'_, D>,
-    pyramid: Option<&Pyramid<'_, D>>,
-    room: &OrientedBox,
-    plane: &Plane,
-    clearance: f32,
-    params: &PlaceParams,
-    work: &mut Work,
-) -> Result<(), NoPlace> {
-    let pose = frame.pose_or_identity();
-    let (mut low, mut high, mut farthest) = ((usize::MAX, usize::MAX), (0, 0), 0.0_f32);
-    for corner in room.corners() {
-        let corner = pose.to_camera(corner);
-        let (x, y) = frame.pixel_of(corner).ok_or(NoPlace::OutsideView)?;
-        low = (low.0.min(x), low.1.min(y));
-        high = (high.0.max(x), high.1.max(y));
-        farthest = farthest.max(corner.z);
-    }
-    // From here on in the box's own axes, in parts of its half size: the box is the cube from -1 to 1.
-    let to_box = |v: Vec3| rotate_back(room.rotation, v) / room.half;
-    let eye = to_box(pose.translation() - room.centre);
-    // The ray of a pixel, and where it leaves the box.
-    let through_box = |x: usize, y: usize| {
-        let way = pose.direction_to_world(frame.intrinsics().ray(Vec2::new(x as f32, y as f32)));
-        leaves_cube(eye, to_box(way)).map(|z| (way, z))
-    };
-    let tiles = || {
-        let columns = low.0 / FINEST_TILE..=high.0 / FINEST_TILE;
-        (low.1 / FINEST_TILE..=high.1 / FINEST_TILE).flat_map(move |y| columns.clone().map(move |x| (x, y)))
-    };
-    // The tile's pixels within the box's projection.
-    let pixels = |(tx, ty): (usize, usize)| {
-        let within = |tile: usize, low: usize, high: usize| {
-            let first = tile * FINEST_TILE;
-            first.max(low)..(first + FINEST_TILE).min(high + 1)
-        };
-        (within(tx, low.0, high.0), within(ty, low.1, high.1))
-    };
-    // No reading of the tile is nearer than the box's far end: nothing to see there.
-    let beyond = |(tx, ty): (usize, usize)| {
-        pyramid.and_then(|p| p.cell(0, tx, ty)).is_some_and(|cell| {
-            let (near, far) = (cell.min.metres(frame.unit()), cell.max.metres(frame.unit()));
-            cell.holes == 0 && near >= farthest && far > 0.0
-        })
-    };
-    let (mut through, mut hidden, mut holes) = (0_u32, 0_u32, 0_u32);
-    for tile in tiles() {
-        let (columns, rows) = pixels(tile);
-        let count = (columns.len() * rows.len()) as u32;
-        if beyond(tile) {
-            work.skipped = work.skipped.saturating_add(count);
-            continue;
-        }
-        work.done = work.done.saturating_add(count);
-        for (x, y) in rows.flat_map(|y| columns.clone().map(move |x| (x, y))) {
-            let Some((way, leaves)) = through_box(x, y) else { continue };
-            through += 1;
-            let z = frame.z(x, y);
-            if z == 0.0 {
-                holes += 1;
-            } else if z < leaves && plane.distance(pose.translation() + way * z) > clearance {
-                hidden += 1;
-            }
-        }
-    }
-    // The shares are of all pixels; without anything hidden or unknown they are 0 however many there are.
-    if through == 0 || hidden + holes > 0 {
-        for tile in tiles().filter(|tile| beyond(*tile)) {
-            let (columns, rows) = pixels(tile);
-            let inside = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
-            through += inside.filter(|(x, y)| through_box(*x, *y).is_some()).count() as u32;
-        }
-    }
-    let share = |n: u32| if through > 0 { n as f32 / through as f32 } else { 0.0 };
-    match params.holes {
-        HolePolicy::Solid => hidden += holes,
-        HolePolicy::Unknown if !(share(holes) <= params.max_unknown) => {
-            return Err(NoPlace::Unknown { holes: share(holes) });
-        }
-        HolePolicy::Unknown | HolePolicy::Free => {}
-    }
-    // A box that no pixel looks through is smaller than a pixel: nothing is known of it.
-    if through == 0 {
-        return Err(NoPlace::Unknown { holes: 1.0 });
-    }
-    if share(hidden) <= params.max_hidden { Ok(()) } else { Err(NoPlace::Blocked { hidden: share(hidden) }) }
-}
-
-/// Where a ray from outside or inside leaves the cube from -1 to 1, in lengths of `way`; `None` when it misses.
-fn leaves_cube(eye: Vec3, way: Vec3) -> Option<f32> {
-    // A zero component gives infinities of the right sign; NaN only in the plane of a face, where either answer is right.
-    let (a, b) = ((-Vec3::ONE - eye) / way, (Vec3::ONE - eye) / way);
-    let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
-    (leave > 0.0 && enter <= leave).then_some(leave)
 }

@@ -56,8 +56,6 @@ impl Node {
     const CLOSE: u8 = 2;
     /// Unknown, and not to be walked on.
     const UNKNOWN: u8 = 4;
-    /// Its readings spread over more than a step: its mean says nothing.
-    const MIXED: u8 = 8;
 
     /// Whether the walker of the last plan could stand in the middle of this node's cell (nodes lie as the map's cells do).
     /// Meaningless before the first plan.

@@ -24,7 +24,10 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
     let cell = map.grid().cell();
     let tan = math::tan(walker.max_slope);
     // A tenth of a millimetre for rounding: a step of exactly the height allowed is allowed.
-    let limit = |distance: f32| walker.max_step.max(distance * tan) + 1e-4;
+    let limit = |distance: f32| {
+        let ramp = distance * tan;
+        (if ramp > walker.max_step { ramp } else { walker.max_step }) + 1e-4
+    };
     let spread = limit(cell * core::f32::consts::SQRT_2);
     let unknown = match walker.unknown {
         HolePolicy::Unknown => Node::UNKNOWN,
@@ -33,107 +36,130 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
     };
     for (node, c) in nodes.iter_mut().zip(map.cells()) {
         *node = Node::FAR;
-        node.state = match c.is_known() {
-            false => unknown,
+        // The height lies in `g` until the search needs it: NaN where there is none, or none that says anything.
+        (node.state, node.g) = match c.is_known() {
+            false => (unknown, f32::NAN),
             // Negated, so that NaN is an obstacle.
-            true if !(c.max - c.min <= spread) => Node::OBSTACLE | Node::MIXED,
-            true => 0,
+            true if !(c.max - c.min <= spread) => (Node::OBSTACLE, f32::NAN),
+            true => (0, c.mean),
         };
     }
     // Blocks of cells whose surroundings rise by less than any limit hold nothing to mark: most of a floor.
     let gentle = limit(cell);
-    let far = window(walker, cell);
-    for y in (0..depth).step_by(BLOCK) {
-        for x in (0..width).step_by(BLOCK) {
-            let block = (x..(x + BLOCK).min(width), y..(y + BLOCK).min(depth));
-            let around = (x.saturating_sub(far)..(x + BLOCK + far).min(width), y..(y + BLOCK + far).min(depth));
-            if rise(nodes, map, &around) > gentle {
-                judge(nodes, map, walker, &limit, &block);
+    let around = window(walker, cell).div_ceil(BLOCK);
+    let directions = [(1, 0), (0, 1), (1, 1), (-1, 1)].map(|(dx, dy)| Direction::new(dx, dy, map, walker, &limit));
+    let (across, down) = (width.div_ceil(BLOCK), depth.div_ceil(BLOCK));
+    let block = |bx: usize, by: usize| {
+        let (x, y) = (bx * BLOCK, by * BLOCK);
+        (x..(x + BLOCK).min(width), y..(y + BLOCK).min(depth))
+    };
+    let blocks = || (0..down).flat_map(|by| (0..across).map(move |bx| (bx, by)));
+    for (bx, by) in blocks() {
+        note_extremes(nodes, width, &block(bx, by));
+    }
+    for (bx, by) in blocks() {
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for y in by.saturating_sub(around)..(by + around + 1).min(down) {
+            for x in bx.saturating_sub(around)..(bx + around + 1).min(across) {
+                let (least, most) = noted_extremes(nodes, y * BLOCK * width + x * BLOCK);
+                low = if least < low { least } else { low };
+                high = if most > high { most } else { high };
             }
         }
+        if high - low > gentle {
+            for direction in &directions {
+                judge(nodes, map, direction, &block(bx, by));
+            }
+        }
+    }
+    for node in nodes.iter_mut() {
+        (node.g, node.f) = (Node::FAR.g, Node::FAR.f);
     }
     grow(nodes, width, depth, walker.radius / cell + 0.5);
 }
 
 /// Side of the blocks of cells that are skipped together.
-const BLOCK: usize = 16;
+const BLOCK: usize = 8;
 
 /// A rectangle of cells: columns, rows.
 type Cells = (core::ops::Range<usize>, core::ops::Range<usize>);
 
-/// The height of a cell that has one.
-fn height(nodes: &[Node], map: &HeightMap<'_>, i: usize) -> Option<f32> {
-    let c = map.cells().get(i)?;
-    (c.is_known() && nodes.get(i)?.state & Node::MIXED == 0).then_some(c.mean)
-}
-
-/// Highest less lowest of a rectangle of cells; negative where none has a height.
-fn rise(nodes: &[Node], map: &HeightMap<'_>, (columns, rows): &Cells) -> f32 {
-    let (width, _) = map.grid().size();
+/// Writes the lowest and the highest height of a block into its first node, where the search will keep other things.
+fn note_extremes(nodes: &mut [Node], width: usize, (columns, rows): &Cells) {
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     for y in rows.clone() {
-        let line = y * width + columns.start..y * width + columns.end;
-        let cells = map.cells().get(line.clone()).unwrap_or(&[]);
-        for (cell, node) in cells.iter().zip(nodes.get(line).unwrap_or(&[])) {
-            let counts = cell.is_known() & (node.state & Node::MIXED == 0);
-            low = if counts & (cell.mean < low) { cell.mean } else { low };
-            high = if counts & (cell.mean > high) { cell.mean } else { high };
+        for node in nodes.get(y * width + columns.start..y * width + columns.end).unwrap_or(&[]) {
+            low = if node.g < low { node.g } else { low };
+            high = if node.g > high { node.g } else { high };
         }
     }
-    high - low
+    if let Some(node) = nodes.get_mut(rows.start * width + columns.start) {
+        (node.f, node.slot) = (low, high.to_bits());
+    }
+}
+
+fn noted_extremes(nodes: &[Node], first: usize) -> (f32, f32) {
+    nodes.get(first).map_or((f32::INFINITY, f32::NEG_INFINITY), |n| (n.f, f32::from_bits(n.slot)))
+}
+
+/// A way in which ledges and slopes are looked for: half of the eight, the others are these from the other end.
+struct Direction {
+    dx: isize,
+    /// Nodes from a cell to the next. Never back; it would be 0 only in a map one cell wide, where there is no step to take.
+    hop: usize,
+    down: bool,
+    /// Largest rise over so many cells.
+    limits: [f32; MOST],
+    /// Cells over which a slope is judged.
+    far: usize,
+}
+
+impl Direction {
+    fn new(dx: isize, dy: isize, map: &HeightMap<'_>, walker: &Walker, limit: &impl Fn(f32) -> f32) -> Self {
+        let (width, cell) = (map.grid().size().0, map.grid().cell());
+        let pace = if dx != 0 && dy != 0 { cell * core::f32::consts::SQRT_2 } else { cell };
+        let limits = core::array::from_fn(|i| limit(pace * (i + 1) as f32));
+        let hop = (dy * width as isize + dx).unsigned_abs().max(1);
+        Self { dx, hop, down: dy > 0, limits, far: window(walker, pace) }
+    }
 }
 
 /// Marks ledges and slopes that start in a rectangle of cells.
-fn judge(
-    nodes: &mut [Node],
-    map: &HeightMap<'_>,
-    walker: &Walker,
-    limit: &impl Fn(f32) -> f32,
-    (columns, rows): &Cells,
-) {
+fn judge(nodes: &mut [Node], map: &HeightMap<'_>, direction: &Direction, (columns, rows): &Cells) {
     let (width, depth) = map.grid().size();
-    let cell = map.grid().cell();
-    for (dx, dy) in [(1_isize, 0_isize), (0, 1), (1, 1), (-1, 1)] {
-        let pace = if dx != 0 && dy != 0 { cell * core::f32::consts::SQRT_2 } else { cell };
-        let far = window(walker, pace);
-        let mut limits = [0.0_f32; MOST];
-        for (i, l) in limits.iter_mut().enumerate() {
-            *l = limit(pace * (i + 1) as f32);
+    let &Direction { dx, hop, down, ref limits, far } = direction;
+    let [one, ..] = *limits;
+    for (y, x) in rows.clone().flat_map(|y| columns.clone().map(move |x| (y, x))) {
+        let from = y * width + x;
+        let first = nodes.get(from).map_or(f32::NAN, |n| n.g);
+        if first.is_nan() {
+            continue;
         }
-        let hop = dy * width as isize + dx;
-        for (y, x) in rows.clone().flat_map(|y| columns.clone().map(move |x| (y, x))) {
-            let from = y * width + x;
-            let Some(first) = height(nodes, map, from) else { continue };
-            // Cells left in this direction.
-            let across = match dx {
-                0 => MOST,
-                1 => width - 1 - x,
-                _ => x,
-            };
-            let down = if dy == 0 { MOST } else { depth - 1 - y };
-            let (mut here, mut at) = (first, from);
-            for (k, (&ramp, step)) in limits.iter().zip(1..=far.min(across).min(down)).enumerate() {
-                let Some(next) = at.checked_add_signed(hop) else { break };
-                let Some(there) = height(nodes, map, next) else { break };
-                let ledge = limits.first().is_some_and(|&l| (there - here).abs() > l);
-                if ledge {
-                    // The upper side of a ledge is what can't be walked onto, or off. The pair belongs to its own turn.
-                    if k == 0 {
-                        mark(nodes, if there > here { next } else { at });
-                    }
-                    break;
+        // Cells left in this direction.
+        let across = match dx {
+            0 => MOST,
+            1 => width - 1 - x,
+            _ => x,
+        };
+        let left = far.min(across).min(if down { depth - 1 - y } else { MOST });
+        let (mut here, mut at) = (first, from);
+        for (k, &ramp) in limits.iter().take(left).enumerate() {
+            let Some(&Node { g: there, .. }) = nodes.get(at + hop) else { break };
+            if !((there - here).abs() <= one) {
+                // A hole, or a ledge: its upper side is what can't be walked onto, or off. A pair belongs to its own turn.
+                if k == 0 && !there.is_nan() {
+                    mark(nodes, if there > here { at + hop } else { at });
                 }
-                if (there - first).abs() > ramp {
-                    // Too steep: all between the ends.
-                    let mut between = from;
-                    for _ in 1..step {
-                        between = between.saturating_add_signed(hop);
-                        mark(nodes, between);
-                    }
-                    break;
-                }
-                (here, at) = (there, next);
+                break;
             }
+            if (there - first).abs() > ramp {
+                // Too steep: all between the ends.
+                for between in 1..=k {
+                    mark(nodes, from + between * hop);
+                }
+                break;
+            }
+            (here, at) = (there, at + hop);
         }
     }
 }

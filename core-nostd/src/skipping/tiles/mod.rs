@@ -35,6 +35,8 @@ pub struct Tile(u8);
 impl Tile {
     /// A tile never looked at: changed, by definition.
     pub const NEW: Self = Self(Self::CHANGED);
+    /// What a static is filled with: all zero, so that it costs no flash. [`TileMap::new`] overwrites it.
+    pub const ZERO: Self = Self(0);
     const EMPTY: u8 = 1;
     const CHANGED: u8 = 2;
     const FLAT: u8 = 4;
