@@ -113,10 +113,10 @@ impl Board {
         let mut args = vec!["rustc", "--release", "--manifest-path", MANIFEST, "--package", self.package];
         args.extend(["--target", self.target]);
         args.extend(features);
-        // Stack sizes are a nightly option; the variable lets this one crate have it, and with link-time optimisation its
+        // Stack sizes are a nightly option; the variable lets these crates have it, and with link-time optimisation its
         // compilation is that of the whole image. Set for every image, or the dependencies would be built twice.
         args.extend(["--", "-Zemit-stack-sizes"]);
-        let allowed = "isobath_firmware_cortex_m,isobath_firmware_cortex_a";
+        let allowed = "isobath_firmware_cortex_m,isobath_firmware_cortex_a,isobath_firmware_example";
         Cmd::new("cargo").args(args).env("RUSTC_BOOTSTRAP", allowed).run()
     }
 

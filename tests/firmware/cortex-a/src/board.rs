@@ -66,8 +66,9 @@ fn counter() -> u64 {
 impl Board {
     /// The board and all memory there is.
     pub(crate) fn take() -> (Self, &'static mut Memory, &'static mut Scratch) {
+        let (memory, scratch) = (&raw mut MEMORY, &raw mut SCRATCH);
         // SAFETY: called once, by `main`, which start-up calls once; so these are the only references to the statics.
-        let (memory, scratch) = unsafe { (&mut *(&raw mut MEMORY), &mut *(&raw mut SCRATCH)) };
+        let (memory, scratch) = unsafe { (&mut *memory, &mut *scratch) };
         (Self { begin: 0, base: 0 }, memory, scratch)
     }
 

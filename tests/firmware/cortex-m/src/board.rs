@@ -34,10 +34,10 @@ pub(crate) struct Board {
 impl Board {
     /// The board and all memory there is.
     pub(crate) fn take() -> (Self, &'static mut Memory, &'static mut Scratch) {
+        let (memory, scratch) = (&raw mut MEMORY, &raw mut SCRATCH);
         // SAFETY: called once, by the entry, which nothing calls; so these are the only references to the statics and
         // to the peripherals that are ever made.
-        let (peripherals, memory, scratch) =
-            unsafe { (cortex_m::Peripherals::steal(), &mut *(&raw mut MEMORY), &mut *(&raw mut SCRATCH)) };
+        let (peripherals, memory, scratch) = unsafe { (cortex_m::Peripherals::steal(), &mut *memory, &mut *scratch) };
         let mut clock = peripherals.SYST;
         clock.set_clock_source(SystClkSource::Core);
         clock.set_reload(TOP);
