@@ -108,15 +108,9 @@ fn walk<D: DepthSample, const WORLD: bool>(
     mut each: impl FnMut(usize, PointRow<'_>),
 ) -> Result<usize, PointsError> {
     let (width, height) = frame.size();
-    let needed = scratch_len(width);
-    let got = scratch.len();
-    let Some(scratch) = scratch.get_mut(..needed) else {
-        return Err(PointsError::Scratch { needed, got });
-    };
-    let (table, rest) = scratch.split_at_mut_checked(width).unwrap_or_default();
+    let (table, rest) = table(frame, scratch)?;
     let (x, rest) = rest.split_at_mut_checked(width).unwrap_or_default();
     let (y, z) = rest.split_at_mut_checked(width).unwrap_or_default();
-    fill(table, frame);
     let unit = frame.unit().metres();
     let lines = Lines::of(frame, WORLD);
     let mut points = 0;
@@ -165,12 +159,7 @@ fn pack<D: DepthSample, const WORLD: bool>(
     if got < needed {
         return Err(PointsError::Output { needed, got });
     }
-    let needed = scratch_len(width);
-    let got = scratch.len();
-    let Some(table) = scratch.get_mut(..needed).and_then(|scratch| scratch.get_mut(..width)) else {
-        return Err(PointsError::Scratch { needed, got });
-    };
-    fill(table, frame);
+    let (table, _) = table(frame, scratch)?;
     let unit = frame.unit().metres();
     let lines = Lines::of(frame, WORLD);
     let mut points = 0;
@@ -191,12 +180,22 @@ fn pack<D: DepthSample, const WORLD: bool>(
     Ok(points)
 }
 
-/// x of every column's ray.
-fn fill<D: DepthSample>(table: &mut [f32], frame: &DepthFrame<'_, D>) {
+/// x of every column's ray, and the scratch that is left.
+fn table<'s, D: DepthSample>(
+    frame: &DepthFrame<'_, D>,
+    scratch: &'s mut [f32],
+) -> Result<(&'s [f32], &'s mut [f32]), PointsError> {
+    let width = frame.size().0;
+    let needed = scratch_len(width);
+    let got = scratch.len();
+    let Some((table, rest)) = scratch.get_mut(..needed).and_then(|scratch| scratch.split_at_mut_checked(width)) else {
+        return Err(PointsError::Scratch { needed, got });
+    };
     let k = frame.intrinsics();
     for (i, ray) in table.iter_mut().enumerate() {
         *ray = (i as f32 - k.cx()) / k.fx();
     }
+    Ok((table, rest))
 }
 
 /// The rays of all rows.

@@ -212,6 +212,9 @@ impl<'a, D: DepthSample> TileMap<'a, D> {
     /// Tiles to do and tiles that can be left as they were, for an answer that looks at most [`TILE`] pixels around.
     #[must_use]
     pub fn work(&self) -> Work {
+        if !self.tiles.iter().any(|tile| tile.is_changed()) {
+            return Work { done: 0, skipped: self.tiles.len() as u32 };
+        }
         let stale = (0..self.down).flat_map(|y| (0..self.across).map(move |x| (x, y)));
         let done = stale.filter(|&(x, y)| self.is_stale(x, y)).count() as u32;
         Work { done, skipped: self.tiles.len() as u32 - done }

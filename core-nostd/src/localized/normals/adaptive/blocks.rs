@@ -46,20 +46,17 @@ impl<'a> BlockRow<'a> {
         }
     }
 
-    #[inline(always)]
     pub(super) fn clear(&mut self) {
         for field in self.fields() {
             field.fill(0.0);
         }
     }
 
-    #[inline(always)]
     fn fields(&mut self) -> [&mut [f32]; BLOCK_FIELDS] {
         [self.n, self.x, self.y, self.xx, self.xy, self.yy, self.c, self.a, self.b, self.q]
     }
 
     /// Adds to one block's raw sums.
-    #[inline(always)]
     fn add(&mut self, i: usize, v: [f32; BLOCK_FIELDS]) {
         for (field, value) in self.fields().into_iter().zip(v) {
             if let Some(cell) = field.get_mut(i) {
@@ -87,7 +84,6 @@ impl<'a> BlockRow<'a> {
 }
 
 /// Sums the `row`th row of blocks and fits each.
-#[inline(always)]
 pub(super) fn fill<D: DepthSample, const B: usize>(
     context: &Context<'_, '_, D>,
     row: usize,
@@ -180,7 +176,6 @@ fn add_columns<const B: usize>(out: &mut BlockRow<'_>, first: usize, [n, y, yy, 
 
 /// A value near each block's inverse depths, subtracted before summing so that squares keep their digits: the middle
 /// pixel's, or any reading's.
-#[inline(always)]
 fn set_references<D: DepthSample, const B: usize>(context: &Context<'_, '_, D>, row: usize, references: &mut [f32]) {
     let depth = context.frame.depth();
     for (i, cell) in references.iter_mut().skip(1).take(context.across).enumerate() {

@@ -5,6 +5,7 @@ use super::blocks::read;
 use super::{Context, cross};
 use crate::ground::lanes::{LANES, Lanes};
 use crate::ground::math;
+use crate::ground::regression::Sums;
 use crate::localized::normals::exact::{self, REAL};
 use crate::sensing::depth::DepthSample;
 
@@ -33,15 +34,14 @@ pub(super) fn fit<D: DepthSample>(context: &Context<'_, '_, D>, x: usize, y: usi
         return [f32::NAN; 4];
     }
     let variance = context.noise.inverse_variance::<D>(centre, frame.unit());
-    let focal = 0.5 * (fx.abs() + fy.abs());
-    let cross = cross::predict(&context.noise, frame, focal, frame.unit().metres() / centre);
+    let cross = cross::predict(&context.noise, frame, frame.unit().metres() / centre);
     if cross < SHARP
         && let Some(e) = exact::at(frame, x, y)
     {
         return [e.normal.x, e.normal.y, e.normal.z, cross];
     }
     let Sums { n, x: mx, y: my, w: mw, xx, xy, yy, xw, yw, ww } =
-        gather(context, x, y, centre, GATE * math::sqrt(variance), LEAN * centre / focal);
+        gather(context, x, y, centre, GATE * math::sqrt(variance), LEAN * centre / cross::focal(k));
     if n < 3.0 {
         return [f32::NAN; 4];
     }
@@ -63,21 +63,7 @@ pub(super) fn fit<D: DepthSample>(context: &Context<'_, '_, D>, x: usize, y: usi
     [nx * inv_length, ny * inv_length, nz * inv_length, if sigma < WORST { sigma } else { WORST }]
 }
 
-/// Sums over the pixels let in; coordinates and values relative to the centre's.
-struct Sums {
-    n: f32,
-    x: f32,
-    y: f32,
-    w: f32,
-    xx: f32,
-    xy: f32,
-    yy: f32,
-    xw: f32,
-    yw: f32,
-    ww: f32,
-}
-
-/// One row of the window is one vector.
+/// Sums over the pixels let in; coordinates and values relative to the centre's. One row of the window is one vector.
 #[inline(always)]
 fn gather<D: DepthSample>(
     context: &Context<'_, '_, D>,

@@ -161,17 +161,12 @@ pub fn resolve<D: DepthSample>(frame: &DepthFrame<'_, D>, params: &AdaptiveParam
     if n == 0.0 {
         return BlockSize::Eight;
     }
-    let z = sum / n;
-    let k = frame.intrinsics();
-    let f = 0.5 * (k.fx().abs() + k.fy().abs());
-    // A 3 x 3 window of blocks of side b holds n = 9 b² pixels of coordinate variance (9 b² - 1) / 12: its slope's standard
-    // deviation is sigma_w / sqrt(n var), and the normal's is f z times that.
-    // In the unit of 1 / value, then in 1 / m.
-    let unit = frame.unit();
-    let sigma_w = math::sqrt(params.noise.inverse_variance::<D>(unit.metres() / z, unit)) / unit.metres();
-    let error = |b: f32| f * z * sigma_w / math::sqrt(9.0 * b * b * (9.0 * b * b - 1.0) / 12.0);
+    // A 3 x 3 window of blocks of side b holds n = 9 b² pixels of coordinate variance (9 b² - 1) / 12: against a single pixel's,
+    // its slope's standard deviation is divided by the root of n times that.
+    let cross = cross::predict(&params.noise, frame, sum / n);
+    let error = |b: f32| cross / math::sqrt(9.0 * b * b * (9.0 * b * b - 1.0) / 12.0);
     const ONE_DEGREE: f32 = 0.017_45;
-    if f * z * sigma_w < 0.1 * ONE_DEGREE {
+    if cross < 0.1 * ONE_DEGREE {
         BlockSize::One
     } else if error(4.0) < ONE_DEGREE {
         BlockSize::Four

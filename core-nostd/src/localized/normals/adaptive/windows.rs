@@ -33,14 +33,12 @@ impl<'a> WindowRow<'a> {
         row
     }
 
-    #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.reach.fill(-1.0);
         self.right.fill(0.0);
         self.below.fill(0.0);
     }
 
-    #[inline(always)]
     fn fields(&mut self) -> [&mut [f32]; WINDOW_FIELDS] {
         [self.c, self.a, self.b, self.sigma, self.reach, self.right, self.below]
     }
@@ -91,7 +89,6 @@ fn add<const B: usize>(joint: &mut Joint, i: &Blocks, j: &Blocks, dx: f32, dy: f
 }
 
 /// Joins the windows of the middle row.
-#[inline(always)]
 pub(super) fn join<D: DepthSample, const B: usize>(
     context: &Context<'_, '_, D>,
     row: usize,
