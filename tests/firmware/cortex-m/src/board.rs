@@ -12,15 +12,14 @@ use isobath_firmware_job::others::Scratch;
 use semihosting::process::ExitCode;
 use semihosting::sys::arm_compat::sys_writec;
 
+#[path = "../../paint.rs"]
+mod paint;
+
 static mut MEMORY: Memory = Memory::NEW;
 static mut SCRATCH: Scratch = Scratch::NEW;
 
 /// SysTick counts 24 bits.
 const TOP: u32 = 0xff_ffff;
-/// What is written into the free stack.
-const PAINT: u32 = 0x5afe_57ac;
-/// Bytes that are painted: twice what the job may use.
-const PAINTED: usize = 16 * 1024;
 /// Bytes left unpainted for the painter's own frame.
 const GAP: usize = 128;
 
@@ -68,21 +67,15 @@ impl Device for Board {
     #[inline(never)]
     fn paint(&mut self) {
         self.base = msp::read() as usize;
-        for at in (self.base - PAINTED..self.base - GAP).step_by(4) {
-            // SAFETY: free stack, below everything in use (the gap holds this function's frame; there are no interrupts),
-            // above the statics: the linker gives the stack what they leave, which is more than `PAINTED`.
-            unsafe { (at as *mut u32).write_volatile(PAINT) };
-        }
+        // SAFETY: free stack, below everything in use (the gap holds this function's frame; there are no interrupts),
+        // above the statics: the stack gets from the linker what they leave, which is more than is painted.
+        unsafe { paint::paint(self.base, GAP) };
     }
 
     #[inline(never)]
     fn used(&self) -> usize {
-        let bottom = self.base - PAINTED;
-        // SAFETY: as in `paint`; reading plain memory.
-        let clean = (bottom..self.base - GAP)
-            .step_by(4)
-            .take_while(|at| unsafe { (*at as *const u32).read_volatile() } == PAINT);
-        PAINTED - 4 * clean.count()
+        // SAFETY: as in `paint`.
+        unsafe { paint::used(self.base, GAP) }
     }
 
     fn print(&mut self, text: &str) {
