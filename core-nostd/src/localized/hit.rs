@@ -5,7 +5,7 @@
 //! tangent plane. The error bar is the sensor's noise model at that depth, which grows with z² for triangulating sensors.
 //!
 //! A hole is answered [`HitOutcome::NoDepth`]: nothing is made up from neighbours. Memory: none but 1 kB of stack. Cost:
-//! about 0.5 µs with the default normal, 20 ns without.
+//! about 0.8 µs with the default normal, 30 ns without (`cargo bench`).
 
 use glam::{Vec2, Vec3};
 
