@@ -1,8 +1,9 @@
 //! The ground floor: storage and numbers, knowing nothing of cameras.
 //!
-//! [`geometry`] has rays, planes and boxes; [`image`] holds pixels (owned in fixed arrays, or borrowed with a stride); [`units`] holds time; [`math`] is the one
+//! [`colour`] holds radiance; [`geometry`] has rays, planes and boxes; [`image`] holds pixels (owned in fixed arrays, or borrowed with a stride); [`units`] holds time; [`math`] is the one
 //! file that names `libm`.
 
+pub mod colour;
 pub mod geometry;
 pub mod image;
 pub(crate) mod lanes;

@@ -52,8 +52,14 @@ impl CropMap {
     /// The depth pixel (fractional) behind a colour pixel; `None` when it lies outside either image.
     #[must_use]
     pub fn depth_from_colour(&self, pixel: Vec2) -> Option<Vec2> {
-        let p = pixel * self.scale + self.offset;
+        let p = self.depth_coordinates(pixel);
         (inside(pixel, self.colour) && inside(p, self.depth)).then_some(p)
+    }
+
+    /// Where a colour pixel (fractional) lies in the depth image's coordinates, also outside of it: for rays, which go on there.
+    #[must_use]
+    pub fn depth_coordinates(&self, pixel: Vec2) -> Vec2 {
+        pixel * self.scale + self.offset
     }
 
     /// The colour pixel (fractional) before a depth pixel; `None` when it lies outside either image.

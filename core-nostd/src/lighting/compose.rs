@@ -1,0 +1,144 @@
+//! Near over far: the environment map (LitAR 4.4), and of it only what changed.
+//!
+//! The near field's picture lies over the far field's map by its coverage, in linear light. Where the picture's finest level has another size
+//! than the map, a map pixel is the mean of the picture's pixels under it, so levels finer than the map smooth edges.
+
+use super::far::extrapolate::FarMap;
+use super::near::NearField;
+use crate::ground::colour::Colour;
+use crate::ground::image::{ImageView, ImageViewMut};
+
+/// What a drawing of the map did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ComposeReport {
+    /// Map pixels written.
+    pub written: usize,
+    /// Map pixels that could not have changed.
+    pub skipped: usize,
+}
+
+/// Draws the whole map.
+pub fn compose<C: Colour, const COLUMNS: usize, const ROWS: usize>(
+    near: &NearField<'_>,
+    far: &FarMap<COLUMNS, ROWS>,
+    out: &mut ImageViewMut<'_, C>,
+) -> ComposeReport {
+    let (width, height) = out.size();
+    let over = Over::new(near.picture(), (width, height));
+    for y in 0..height {
+        over.draw(far, y, 0..width, out);
+    }
+    ComposeReport { written: width * height, skipped: 0 }
+}
+
+/// Draws what changed: all of the picture's rows `rows` (of [`NearField::merge`]), elsewhere the blocks that the far map computed anew since
+/// [`FarMap::settle`].
+pub fn compose_changes<C: Colour, const COLUMNS: usize, const ROWS: usize>(
+    near: &NearField<'_>,
+    rows: (usize, usize),
+    far: &FarMap<COLUMNS, ROWS>,
+    out: &mut ImageViewMut<'_, C>,
+) -> ComposeReport {
+    let (width, height) = out.size();
+    let over = Over::new(near.picture(), (width, height));
+    let mut report = ComposeReport::default();
+    for y in 0..height {
+        let changed = over.rows_under(y);
+        if changed.0 < rows.1 && rows.0 < changed.1 {
+            over.draw(far, y, 0..width, out);
+            report.written += width;
+            continue;
+        }
+        let mut written = 0;
+        far.changed_columns(y, (width, height), |columns| {
+            written += columns.len();
+            over.draw(far, y, columns, out);
+        });
+        report.written += written;
+        report.skipped += width.saturating_sub(written);
+    }
+    report
+}
+
+/// The picture, laid over a map of another size.
+struct Over<'a> {
+    picture: ImageView<'a, [u8; 4]>,
+    map: (usize, usize),
+    /// Picture pixels read for a map pixel, along each side.
+    taps: usize,
+}
+
+impl<'a> Over<'a> {
+    fn new(picture: ImageView<'a, [u8; 4]>, map: (usize, usize)) -> Self {
+        let taps = picture.width().div_ceil(map.0.max(1)).clamp(1, 4);
+        Self { picture, map, taps }
+    }
+
+    /// Picture rows that a map row reads: first, one past the last.
+    fn rows_under(&self, y: usize) -> (usize, usize) {
+        (self.row_of(y, 0), self.row_of(y, self.taps - 1) + 1)
+    }
+
+    /// The picture row that a map row's tap reads.
+    fn row_of(&self, y: usize, tap: usize) -> usize {
+        ((y * self.taps + tap) * 2 + 1) * self.picture.height() / (2 * self.taps * self.map.1.max(1))
+    }
+
+    #[inline(always)]
+    fn draw<C: Colour, const COLUMNS: usize, const ROWS: usize>(
+        &self,
+        far: &FarMap<COLUMNS, ROWS>,
+        y: usize,
+        columns: core::ops::Range<usize>,
+        out: &mut ImageViewMut<'_, C>,
+    ) {
+        let blended = far.blended(y, self.map.1);
+        let width = self.map.0;
+        let Some(to) = out.row_mut(y).get_mut(columns.clone()) else { return };
+        let mut to = to.iter_mut();
+        if self.taps == 1 && self.picture.width() == width {
+            let over = self.picture.row(self.row_of(y, 0)).get(columns.clone()).unwrap_or_default();
+            let mut over = over.iter();
+            far.columns(&blended, columns, width, |_, light| {
+                let (Some(to), Some(over)) = (to.next(), over.next()) else { return };
+                *to = C::of_linear(lay(*over, light));
+            });
+            return;
+        }
+        far.columns(&blended, columns, width, |x, light| {
+            let Some(to) = to.next() else { return };
+            let (mut sum, mut cover) = ([0.0_f32; 3], 0.0_f32);
+            for j in 0..self.taps {
+                let row = self.picture.row(self.row_of(y, j));
+                for i in 0..self.taps {
+                    let column = ((x * self.taps + i) * 2 + 1) * row.len() / (2 * self.taps * width);
+                    let [r, g, b, a] = row.get(column).copied().unwrap_or_default();
+                    let a = f32::from(a);
+                    cover += a;
+                    for (sum, v) in sum.iter_mut().zip([r, g, b].linear()) {
+                        *sum += a * v;
+                    }
+                }
+            }
+            let norm = 1.0 / (255.0 * (self.taps * self.taps) as f32);
+            let rest = 1.0 - cover * norm;
+            let [r, g, b] = sum;
+            let [fr, fg, fb] = light;
+            *to = C::of_linear([r * norm + rest * fr, g * norm + rest * fg, b * norm + rest * fb]);
+        });
+    }
+}
+
+/// One pixel over the light from afar.
+#[inline(always)]
+fn lay([r, g, b, a]: [u8; 4], [fr, fg, fb]: [f32; 3]) -> [f32; 3] {
+    match a {
+        0 => [fr, fg, fb],
+        255 => [r, g, b].linear(),
+        _ => {
+            let part = f32::from(a) * (1.0 / 255.0);
+            let [r, g, b] = [r, g, b].linear();
+            [fr + part * (r - fr), fg + part * (g - fg), fb + part * (b - fb)]
+        }
+    }
+}

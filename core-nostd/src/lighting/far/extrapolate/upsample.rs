@@ -1,0 +1,149 @@
+//! From the grid to a map of any size: bicubic (Catmull-Rom), closed at the seam and over the poles.
+
+use super::grid::FarMap;
+use crate::ground::colour::Colour;
+use crate::ground::image::ImageViewMut;
+use crate::ground::math;
+
+/// Columns that a grid has at most, and four more around.
+const WIDE: usize = 256 + 4;
+
+/// A grid row blended for one map row, with two columns before and after repeated from the other side.
+pub(crate) struct Blended([[f32; WIDE]; 3]);
+
+/// Of four neighbours and 0 <= t < 1 between the middle two: the cubic's coefficients.
+#[inline(always)]
+fn cubic([a, b, c, d]: [f32; 4]) -> [f32; 4] {
+    [b, 0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d, 0.5 * (d - a) + 1.5 * (b - c)]
+}
+
+impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
+    /// Draws the whole map, of any size; a view of no pixels is left alone.
+    pub fn render<C: Colour>(&self, out: &mut ImageViewMut<'_, C>) {
+        let (width, height) = out.size();
+        for y in 0..height {
+            let row = self.blended(y, height);
+            self.columns(&row, 0..width, width, |x, light| {
+                out.set(x, y, C::of_linear(light));
+            });
+        }
+    }
+
+    /// The light from a unit direction in the map's axes.
+    #[must_use]
+    pub fn towards(&self, direction: glam::Vec3) -> [f32; 3] {
+        // The middle of a map as fine as `f32` tells columns apart.
+        const FINE: usize = 1 << 16;
+        let uv = crate::lighting::equirect::uv_of_direction(direction);
+        let Some((x, y)) = crate::lighting::equirect::pixel_of_uv(uv, (FINE, FINE)) else { return [0.0; 3] };
+        let mut found = [0.0; 3];
+        self.columns(&self.blended(y, FINE), x..x + 1, FINE, |_, light| found = light);
+        found
+    }
+
+    /// The grid's rows around a map row, blended.
+    pub(crate) fn blended(&self, y: usize, height: usize) -> Blended {
+        let at = (y as f32 + 0.5) / height as f32 * ROWS as f32 - 0.5;
+        let first = math::floor(at);
+        let t = at - first;
+        let weights = [
+            t * (-0.5 + t * (1.0 - 0.5 * t)),
+            1.0 + t * t * (1.5 * t - 2.5),
+            t * (0.5 + t * (2.0 - 1.5 * t)),
+            t * t * (0.5 * t - 0.5),
+        ];
+        let mut out = Blended([[0.0; WIDE]; 3]);
+        for (k, weight) in (-1..=2).zip(weights) {
+            let row = first as isize + k;
+            // Over a pole, and on: the row as far from it, seen from the other side.
+            let (row, turned) = match row {
+                r if r < 0 => (-1 - r, true),
+                r if r >= ROWS as isize => (2 * ROWS as isize - 1 - r, true),
+                r => (r, false),
+            };
+            for (plane, out) in self.planes.iter().zip(&mut out.0) {
+                let Some(row) = usize::try_from(row).ok().and_then(|r| plane.get(r)) else { continue };
+                let (left, right) = row.split_at(if turned { COLUMNS / 2 } else { 0 });
+                for (out, v) in out.iter_mut().skip(2).zip(right.iter().chain(left)) {
+                    *out += weight * v;
+                }
+            }
+        }
+        for plane in &mut out.0 {
+            let at = |i: usize| plane.get(i).copied().unwrap_or_default();
+            let around = [(0, at(COLUMNS)), (1, at(COLUMNS + 1)), (COLUMNS + 2, at(2)), (COLUMNS + 3, at(3))];
+            for (i, v) in around {
+                if let Some(place) = plane.get_mut(i) {
+                    *place = v;
+                }
+            }
+        }
+        out
+    }
+
+    /// A row's light at some columns of a map `width` wide, told in order.
+    #[inline(always)]
+    pub(crate) fn columns(
+        &self,
+        row: &Blended,
+        columns: core::ops::Range<usize>,
+        width: usize,
+        mut tell: impl FnMut(usize, [f32; 3]),
+    ) {
+        let step = COLUMNS as f32 / width.max(1) as f32;
+        let [red, green, blue] = &row.0;
+        let mut held = usize::MAX;
+        let mut cubics = [[0.0; 4]; 3];
+        for x in columns {
+            // Two columns stand before the first, and the four neighbours begin one before.
+            let at = (x as f32 + 0.5) * step + 0.5;
+            let cell = at as usize;
+            if cell != held {
+                held = cell;
+                cubics = [red, green, blue]
+                    .map(|p| cubic(p.get(cell..).and_then(|p| p.first_chunk()).copied().unwrap_or_default()));
+            }
+            let t = at - cell as f32;
+            tell(x, cubics.map(|[a, b, c, d]| (a + t * (b + t * (c + t * d))).max(0.0)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::units::Timestamp;
+    use crate::lighting::equirect::direction_of_pixel;
+    use crate::lighting::far::{FarField, FarParams};
+    use crate::lighting::lattice::Lattice;
+    use std::boxed::Box;
+    use std::vec;
+
+    #[test]
+    fn maps_of_any_size_are_close_to_the_sum() {
+        // The hardest: neighbours that differ at random.
+        let mut far = FarField::<1280>::new(FarParams::default(), [0.0; 3]);
+        for i in 0..1280_u32 {
+            let v = i.wrapping_mul(2_654_435_761) >> 8;
+            far.sample(Lattice::<1280>::direction(i as usize), [v as f32 / 16_777_216.0; 3], 1.0, Timestamp::ZERO);
+        }
+        let mut map = Box::new(FarMap::<128, 64>::new());
+        map.update(&mut far);
+        for (width, height) in [(1, 1), (7, 5), (96, 48), (200, 100), (256, 128)] {
+            let mut pixels = vec![[0.0_f32; 3]; width * height];
+            map.render(&mut ImageViewMut::new(&mut pixels, width, height).unwrap());
+            let mut squares = 0.0_f64;
+            for (i, pixel) in pixels.iter().enumerate() {
+                let exact = far.sum_all(direction_of_pixel(i % width, i / width, (width, height)));
+                squares += f64::from(pixel[0] - exact[0]).powi(2);
+            }
+            let psnr = -10.0 * libm::log10(squares / (width * height) as f64);
+            // Of a handful of pixels, one can be unlucky.
+            let least = if width < 90 { 60.0 } else { 66.0 };
+            assert!(psnr > least, "{width}x{height}: {psnr} dB");
+        }
+        let d = direction_of_pixel(30, 50, (97, 60));
+        assert!((map.towards(d)[1] - far.sum_all(d)[1]).abs() < 2e-3);
+        map.render(&mut ImageViewMut::<[u8; 3]>::new(&mut [], 0, 0).unwrap());
+    }
+}
