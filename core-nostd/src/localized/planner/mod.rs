@@ -363,10 +363,7 @@ pub fn path_changed(map: &HeightMap<'_>, walker: &Walker, points: &[Vec3], since
     let touched = |p: Vec3| {
         let Some((x, y)) = grid.cell_of(p) else { return true };
         let columns = x.saturating_sub(reach)..(x + reach + 1).min(width);
-        (y.saturating_sub(reach)..(y + reach + 1).min(depth)).any(|row| {
-            let cells = map.cells().get(row * width + columns.start..row * width + columns.end);
-            cells.unwrap_or(&[]).iter().any(|c| c.changed > since)
-        })
+        (y.saturating_sub(reach)..(y + reach + 1).min(depth)).any(|row| map.any_changed(row, columns.clone(), since))
     };
     if let [only] = points {
         return touched(*only);
