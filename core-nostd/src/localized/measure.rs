@@ -205,7 +205,9 @@ pub fn patch<D: DepthSample>(
     let near = |z: f32| (z - z0).abs() <= params.max_jump * z0;
     let mut sum = LocalSum::new(unit(side).ok_or(PatchError::NoDepth)?);
     for (i, j) in pixels().filter(|&(i, j)| near(frame.z(i, j))) {
-        frame.point(i, j).map(|p| sum.add(p));
+        if let Some(p) = frame.point(i, j) {
+            sum.add(p);
+        }
     }
     let rough = sum.fit(side).map_err(PatchError::NoPlane)?;
     // Never narrower than the depth's own step, or a flat, quantised patch would lose half its points.

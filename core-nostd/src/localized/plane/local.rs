@@ -100,7 +100,7 @@ mod tests {
             let q = Quat::from_axis_angle(Vec3::from(axis).try_normalize().unwrap_or(Vec3::X), angle);
             let mut s = seed;
             let mut next = || { s ^= s << 13; s ^= s >> 17; s ^= s << 5; s as f32 / u32::MAX as f32 - 0.5 };
-            let rough = q * vec3(lean, -lean, 1.0).normalize();
+            let rough = q * vec3(lean, -lean, 1.0).normalize_or(Vec3::Z);
             let (mut sum, mut local) = (PlaneSum::new(), LocalSum::new(rough));
             for _ in 0..n {
                 let p = Vec3::from(at) + q * vec3(4.0 * next(), 2.0 * next(), noise * next());

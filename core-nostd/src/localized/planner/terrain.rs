@@ -75,15 +75,17 @@ fn next_step(nodes: &[Node], (width, y): (usize, usize), x: usize, least: &[f32;
     let mut before = if x == 0 || below.is_empty() { f32::NAN } else { height(nodes.get((y + 1) * width + x - 1)) };
     for k in 0..row.len() {
         let (next, after) = (height(row.get(k + 1)), height(below.get(k + 1)));
-        // False where either is NaN.
-        let steps = [
-            (next - here).abs() > right,
-            (after - here).abs() > right_below,
-            (under - here).abs() > straight_below,
-            (before - here).abs() > left_below,
-        ];
-        if steps.contains(&true) {
-            return Some((x + k, steps));
+        if !here.is_nan() {
+            // False where the other is NaN.
+            let steps = [
+                (next - here).abs() > right,
+                (after - here).abs() > right_below,
+                (under - here).abs() > straight_below,
+                (before - here).abs() > left_below,
+            ];
+            if steps.contains(&true) {
+                return Some((x + k, steps));
+            }
         }
         (here, before, under) = (next, under, after);
     }
