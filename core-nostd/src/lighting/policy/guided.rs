@@ -205,7 +205,7 @@ impl Guide {
     /// [`GuideError`].
     pub fn around(direction: Vec3, up: Vec3, params: GuideParams) -> Result<Self, GuideError> {
         let GuideParams { directions, step, tolerance } = params;
-        if !(step >= 0.01 && step <= FRAC_PI_3) {
+        if !(0.01..=FRAC_PI_3).contains(&step) {
             return Err(GuideError::Parameter { name: "step", value: step });
         }
         let tolerance = tolerance.unwrap_or(0.5 * step);
