@@ -145,6 +145,7 @@ impl Init {
         }
         let register = flags & 1 == 1;
         let knobs = Knobs { views, directions, min_confidence, register, half, view_size, map_size, levels };
+        let header = Header { view: 0, ..header };
         let init = Self { header, intrinsics, depth_size, colour_size, position, ambient, knobs };
         let at = take.at();
         if let Some(what) = init.fault() {
