@@ -9,8 +9,11 @@
 //! | colour | YCbCr 4:2:0, raw | YCbCr 4:2:0 of the same pixels, predicted and Rice coded, off by at most [`NearOptions::colour_error`] |
 //! | rotation of a far frame | 36 bytes | 6 bytes, to 0.005 degrees |
 //! | integrity | none | magic, version, length, CRC-32 |
-//! | low near frame, 256 x 192 | 270,389 bytes | a few tens of thousands: `tests/tests/keyframes.rs` prints them |
-//! | far frame, 32 x 24 | 1,189 bytes | some hundreds |
+//! | low near frame, 256 x 192 | 270,389 bytes | 39,689 to 58,505: 14.7 to 21.6 %, exact depth to a noisy sensor |
+//! | far frame, 32 x 24 | 1,189 bytes | 667: 56 % |
+//!
+//! (Means of eight views of the simulator's living room from `tests/tests/keyframes.rs`, which prints more of them. The colour lost is
+//! 4:2:0's, the paper's too: 36.8 dB; the error of 1 leaves 36.2.)
 //!
 //! [`paper`] gives the paper's sizes for any image. Theirs are an identifier of one byte and 36 or 52 bytes of tracking before the raw images (a header of 16 bytes and
 //! a pose of 48, as is sometimes said, would make 270,400).
@@ -38,7 +41,7 @@
 //!
 //! Encoding writes into the caller's slice and decoding borrows the message and fills the caller's images; neither keeps
 //! anything else. [`near_most_bytes`] and [`far_most_bytes`] always suffice; a slice that is too small is an error. Each pass is linear in
-//! pixels. Depth comes back as it was sent, every bit; colour loses what 4:2:0 loses, and at most `colour_error` a channel of YCbCr more.
+//! pixels. A low near frame is encoded in 3 ms and decoded in 1.3 ms on one core of a desktop (colour is two thirds of it, the CRC 0.2 ms), a far frame in 0.13 and 0.015 ms. Depth comes back as it was sent, every bit; colour loses what 4:2:0 loses, and at most `colour_error` a channel of YCbCr more.
 //!
 //! # Hostile bytes
 //!
@@ -266,7 +269,7 @@ pub enum KeyFrame<'a> {
 }
 
 impl<'a> KeyFrame<'a> {
-    /// Checks one whole message. Cost: the CRC, about 2 ns a byte; images are not touched yet.
+    /// Checks one whole message. Cost: the CRC, about 4 ns a byte; images are not touched yet.
     ///
     /// # Errors
     /// [`KeyFrameError`], naming what is wrong.

@@ -38,25 +38,35 @@ fn byte(v: i32) -> u8 {
 /// Rounding to steps, of which one is 128: grey stays grey.
 #[derive(Clone, Copy)]
 struct Steps {
-    error: i32,
+    step: u32,
+    /// 2^16 / step, rounded up: dividing numbers below 2000 by multiplying with it is exact.
+    inverse: u32,
+    /// What is added before dividing: half a step, and whole steps that bring 0 to level 0.
+    shift: u32,
+    /// The level of 128.
+    middle: i32,
+    levels: i32,
 }
 
 impl Steps {
-    const fn step(self) -> i32 {
-        2 * self.error + 1
+    /// No value off by more than `error`, 0 to 15.
+    const fn new(error: u8) -> Self {
+        let error = error as u32;
+        let step = 2 * error + 1;
+        let middle = (128 + error) / step;
+        let levels = middle + (127 + error) / step + 1;
+        let inverse = (1_u32 << 16).div_ceil(step);
+        Self { step, inverse, shift: middle * step + error - 128, middle: middle as i32, levels: levels as i32 }
     }
-    /// The level of 128.
-    const fn middle(self) -> i32 {
-        (128 + self.error) / self.step()
-    }
-    const fn levels(self) -> i32 {
-        self.middle() + (127 + self.error) / self.step() + 1
-    }
+
+    #[inline(always)]
     const fn level(self, v: u8) -> i32 {
-        (v as i32 - 128 + self.middle() * self.step() + self.error) / self.step()
+        ((v as u32 + self.shift) * self.inverse >> 16) as i32
     }
+
+    #[inline(always)]
     fn value(self, level: i32) -> u8 {
-        byte((level - self.middle()) * self.step() + 128)
+        byte((level - self.middle) * self.step as i32 + 128)
     }
 }
 
@@ -69,26 +79,30 @@ fn predict(left: i32, up: i32, corner: i32) -> (i32, usize) {
     (likely, (32 - unrest.leading_zeros()).min(8) as usize)
 }
 
-/// How large differences were in one class of places.
+/// How large differences were in one class of places, and the Rice parameter that suits them: the least k for which
+/// `count << k` reaches `sum`, at most 7.
 #[derive(Clone, Copy)]
 struct Class {
     sum: u32,
     count: u32,
+    k: u32,
 }
 
 impl Class {
-    const fn bits(self) -> u32 {
-        let mut k = 0;
-        while self.count << k < self.sum && k < 7 {
-            k += 1;
-        }
-        k
-    }
+    const NEW: Self = Self { sum: 2, count: 1, k: 1 };
+
     const fn learn(&mut self, value: u32) {
         self.sum += value;
         self.count += 1;
         if self.count == 64 {
             (self.sum, self.count) = (self.sum >> 1, 32);
+        }
+        // It seldom moves, and then by one.
+        while self.k < 7 && self.count << self.k < self.sum {
+            self.k += 1;
+        }
+        while self.k > 0 && self.count << (self.k - 1) >= self.sum {
+            self.k -= 1;
         }
     }
 }
@@ -109,10 +123,10 @@ const ESCAPE: u32 = 8;
 
 impl Coder {
     fn new(error: u8) -> Self {
-        let steps = Steps { error: i32::from(error) };
+        let steps = Steps::new(error);
         // Where chroma mostly is.
-        let middle = steps.middle();
-        Self { steps, classes: [Class { sum: 2, count: 1 }; 9], left: middle, corner: middle, begun: false }
+        let middle = steps.middle;
+        Self { steps, classes: [Class::NEW; 9], left: middle, corner: middle, begun: false }
     }
 
     const fn begin_row(&mut self) {
@@ -135,15 +149,16 @@ impl Coder {
     }
 
     fn bits_of(&self, class: usize) -> u32 {
-        self.classes.get(class).map_or(0, |c| c.bits())
+        self.classes.get(class).map_or(0, |c| c.k)
     }
 
     fn write(&mut self, bits: &mut BitWriter<'_>, level: i32, up: Option<i32>) -> Result<(), KeyFrameError> {
         let (likely, class) = self.expect(up);
         // Round the circle of levels the shorter way.
-        let levels = self.steps.levels();
-        let way = (level - likely).rem_euclid(levels);
+        let levels = self.steps.levels;
+        let way = level - likely;
         let way = if 2 * way >= levels { way - levels } else { way };
+        let way = if 2 * way < -levels { way + levels } else { way };
         let value = (way << 1 ^ way >> 31) as u32;
         let k = self.bits_of(class);
         let quotient = value >> k;
@@ -164,7 +179,13 @@ impl Coder {
         let ones = bits.ones()?;
         let value = if ones < ESCAPE { ones << k | bits.take(k)? } else { bits.take(8)? };
         let way = (value >> 1) as i32 ^ -((value & 1) as i32);
-        let level = (likely + way).rem_euclid(self.steps.levels());
+        let levels = self.steps.levels;
+        let level = likely + way;
+        let level = if level < 0 { level + levels } else { level };
+        let level = if level >= levels { level - levels } else { level };
+        if level < 0 || level >= levels {
+            return Err(KeyFrameError::Colour);
+        }
         self.learn(class, value, level, up);
         Ok(level)
     }
@@ -285,7 +306,16 @@ pub(super) fn encode(
                 (cb, cr, count) = (cb + u32::from(b), cr + u32::from(r), count + 1);
             }
         }
-        let mean = |sum: u32| steps.level(((sum + count / 2) / count.max(1)) as u8);
+        // Divisors that the compiler knows are multiplications.
+        let mean = |sum: u32| {
+            let mean = match count {
+                1 => sum,
+                2 => (sum + 1) / 2,
+                3 => (sum + 1) / 3,
+                _ => (sum + 2) / 4,
+            };
+            steps.level(mean as u8)
+        };
         (count > 0).then(|| (mean(cb), mean(cr)))
     };
     let mut chroma = [Coder::new(error), Coder::new(error)];
@@ -409,12 +439,12 @@ mod tests {
     #[test]
     fn rounding_keeps_its_word() {
         for error in 0..=15 {
-            let steps = Steps { error };
-            assert!(steps.levels() <= 256);
+            let steps = Steps::new(error);
+            assert!(steps.levels <= 256);
             for v in 0..=255_u8 {
                 let level = steps.level(v);
-                assert!((0..steps.levels()).contains(&level));
-                assert!(i32::from(steps.value(level).abs_diff(v)) <= error);
+                assert!((0..steps.levels).contains(&level));
+                assert!(steps.value(level).abs_diff(v) <= error);
                 assert_eq!(steps.level(steps.value(level)), level, "what the decoder sees is what was meant");
             }
         }
