@@ -76,11 +76,11 @@ fn far<D: DepthSample>(frame: &DepthFrame<'_, D>, colour_error: u8) -> (usize, f
     for (i, got) in picture.iter().enumerate() {
         let span = |i: usize, n: usize, whole: usize| i * whole / n..(i + 1) * whole / n;
         let (xs, ys) = (span(i % 32, 32, image.width()), span(i / 32, 24, image.height()));
-        for c in 0..3 {
+        for (c, got) in got.iter().enumerate() {
             let cell = ys.clone().flat_map(|y| xs.clone().map(move |x| (x, y)));
             let light: f64 = cell.map(|(x, y)| to_light(image.get(x, y).unwrap()[c])).sum();
             let want = to_code(light / (xs.len() * ys.len()) as f64);
-            sum += (f64::from(got[c]) - want).powi(2);
+            sum += (f64::from(*got) - want).powi(2);
         }
     }
     (bytes, psnr(sum, picture.len()))

@@ -143,8 +143,10 @@ pub fn encode_far<D: DepthSample>(
 
 /// The part of `0..whole` that cell `index` of `cells` covers; at least one.
 fn span(index: usize, cells: usize, whole: usize) -> (usize, usize) {
-    let start = index * whole / cells;
-    (start, ((index + 1) * whole / cells).max(start + 1))
+    // In 64 bits: no image is too wide for the product.
+    let at = |index: usize| (index as u64 * whole as u64 / cells as u64) as usize;
+    let start = at(index);
+    (start, at(index + 1).max(start + 1))
 }
 
 /// The mean light of a cell.

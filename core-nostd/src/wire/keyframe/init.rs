@@ -190,7 +190,8 @@ pub fn encode_init(init: &Init, out: &mut [u8]) -> Result<usize, KeyFrameError> 
     put_intrinsics(&mut put, &init.intrinsics)?;
     let knobs = &init.knobs;
     for size in [init.depth_size, init.colour_size] {
-        (put.u16(size.0)?, put.u16(size.1)?);
+        put.u16(size.0)?;
+        put.u16(size.1)?;
     }
     put.floats(&init.position.to_array())?;
     put.floats(&[init.ambient.temperature])?;
@@ -202,11 +203,13 @@ pub fn encode_init(init: &Init, out: &mut [u8]) -> Result<usize, KeyFrameError> 
     put.floats(&[brightness, knobs.half])?;
     put.bytes(&[knobs.views, knobs.directions, knobs.min_confidence, u8::from(knobs.register)])?;
     for size in [knobs.view_size, knobs.map_size] {
-        (put.u16(size.0)?, put.u16(size.1)?);
+        put.u16(size.0)?;
+        put.u16(size.1)?;
     }
     put.u8(init.level_count() as u8)?;
     for size in knobs.levels {
-        (put.u16(size.0)?, put.u16(size.1)?);
+        put.u16(size.0)?;
+        put.u16(size.1)?;
     }
     put.seal()
 }

@@ -61,7 +61,7 @@ impl Steps {
 
     #[inline(always)]
     const fn level(self, v: u8) -> i32 {
-        ((v as u32 + self.shift) * self.inverse >> 16) as i32
+        (((v as u32 + self.shift) * self.inverse) >> 16) as i32
     }
 
     #[inline(always)]
@@ -310,7 +310,7 @@ pub(super) fn encode(
         let mean = |sum: u32| {
             let mean = match count {
                 1 => sum,
-                2 => (sum + 1) / 2,
+                2 => sum.div_ceil(2),
                 3 => (sum + 1) / 3,
                 _ => (sum + 2) / 4,
             };
@@ -321,7 +321,8 @@ pub(super) fn encode(
     let mut chroma = [Coder::new(error), Coder::new(error)];
     let [blue, red] = &mut chroma;
     for y in 0..height.div_ceil(2) {
-        (blue.begin_row(), red.begin_row());
+        blue.begin_row();
+        red.begin_row();
         for x in 0..width.div_ceil(2) {
             if let Some((cb, cr)) = block(x, y) {
                 let up = y.checked_sub(1).and_then(|y| block(x, y));
@@ -381,7 +382,8 @@ fn read_planes(
     let mut chroma = [Coder::new(error), Coder::new(error)];
     let [blue, red] = &mut chroma;
     for y in 0..rows {
-        (blue.begin_row(), red.begin_row());
+        blue.begin_row();
+        red.begin_row();
         for x in 0..columns {
             if any(x, y) {
                 let up = y.checked_sub(1).filter(|&y| any(x, y));

@@ -37,7 +37,7 @@ impl Scene {
                 let z = 600 + 20 * x + 7 * y + next() as usize % 5;
                 depth.push(match next() % 9 {
                     0 => 0,
-                    1 if seed % 3 == 0 => u16::MAX,
+                    1 if seed.is_multiple_of(3) => u16::MAX,
                     _ => z as u16,
                 });
                 colour.push([(4 * x) as u8, (6 * y) as u8, (next() % 32) as u8]);
