@@ -144,7 +144,7 @@ impl<'a> Over<'a> {
 
 /// One pixel over the light from afar.
 #[inline(always)]
-fn lay([r, g, b, a]: [u8; 4], [fr, fg, fb]: [f32; 3]) -> [f32; 3] {
+pub(super) fn lay([r, g, b, a]: [u8; 4], [fr, fg, fb]: [f32; 3]) -> [f32; 3] {
     match a {
         0 => [fr, fg, fb],
         255 => [r, g, b].linear(),
