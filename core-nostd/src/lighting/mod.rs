@@ -33,6 +33,8 @@ pub mod near;
 pub mod policy;
 pub mod preset;
 mod session;
+#[cfg(test)]
+mod tests;
 
 pub use preset::Preset;
 pub use session::{Drawn, LightError, Observed, Session};
