@@ -35,7 +35,7 @@ impl Shot {
 fn shots(size: (usize, usize), count: usize) -> impl Strategy<Value = Vec<Shot>> {
     let one = (any::<u32>(), -1.0_f32..1.0, -1.0_f32..1.0, -1.0_f32..1.0, 0.5_f32..1.4).prop_map(
         move |(seed, x, y, z, fov)| {
-            let eye = (Vec3::new(x, y, z) + Vec3::new(0.01, 0.02, 0.03)).normalize() * 1.2;
+            let eye = (Vec3::new(x, y, z) + Vec3::new(0.01, 0.02, 0.03)).normalize_or(Vec3::X) * 1.2;
             let mut state = seed;
             let mut next = || {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
