@@ -28,6 +28,9 @@ const TURNING_ROUNDS: usize = 3;
 /// A round that turns the plane by less (radians) lets in what the round before it did: the last one, on the fine grid, follows.
 const SETTLED: f32 = 1e-2;
 
+/// So does one that closes the gate to no less than this share of it.
+const CLOSED: f32 = 0.9;
+
 /// The plane and how far readings lie off it.
 pub(super) struct Support {
     /// In the camera's frame, its normal towards the camera.
@@ -85,10 +88,10 @@ impl Sheet {
         let cell = 2.0 / f32::from(n);
         let (step, down) = (self.x * (self.half.0 * cell) * lens, self.z * (self.half.1 * cell));
         let first = 0.5 * (f32::from(n) - 1.0);
-        let mut seen = 0;
+        let (mut seen, cells) = (0, usize::from(n));
         for j in 0..n {
             let mut p = (self.middle + down * (f32::from(j) - first)) * lens - step * first;
-            for _ in 0..n {
+            for _ in 0..cells {
                 let (x, y) = (p.x / p.z + edge_x, p.y / p.z + edge_y);
                 // Not before the image's first row and column (the sign bits), nor beyond its last (`get`).
                 let before = (x.to_bits() | y.to_bits()) >> 31 != 0;
@@ -182,7 +185,7 @@ pub(super) fn fit<D: DepthSample>(
             return support;
         }
         let closed = math::min(gate, math::max(3.0 * rms, 0.5 * params.max_roughness));
-        let settled = closed == gate && steep < SETTLED * SETTLED;
+        let settled = closed >= CLOSED * gate && steep < SETTLED * SETTLED;
         if grid == FIT_GRID && settled {
             return support;
         }
