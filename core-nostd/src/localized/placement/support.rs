@@ -147,9 +147,10 @@ pub(super) fn fit<D: DepthSample>(
     let reach = 0.5 * math::sqrt(params.size.x * params.size.x + params.size.z * params.size.z);
     // First what the local normal's error may leave off, then what noise may.
     let mut gate = 0.1 * reach + 2.0 * params.max_roughness;
-    // The cosine of the tilt of a wall.
+    // The tilt of a wall, and no less than its cosine: the arc cosine is seldom asked for.
     let steepest = 2.0 * params.max_tilt + 0.3;
-    let hopeless = if steepest < core::f32::consts::PI { math::cos(steepest) } else { f32::NEG_INFINITY };
+    let square = steepest * steepest;
+    let level = 1.0 - square * (0.5 - square / 24.0);
     let mut support = Err(NoPlace::NoSurface);
     // The foot of a post among the readings pulls the first plane off: each round lets less of it in.
     let mut grid = TURNING_GRID;
@@ -181,7 +182,8 @@ pub(super) fn fit<D: DepthSample>(
         let rms = math::sqrt(variance);
         support = Ok(Support { plane, rms });
         // Hopeless already: a wall.
-        if plane.normal().dot(up) < hopeless {
+        let upright = plane.normal().dot(up);
+        if upright < level && math::acos(upright) > steepest {
             return support;
         }
         let closed = math::min(gate, math::max(3.0 * rms, 0.5 * params.max_roughness));
