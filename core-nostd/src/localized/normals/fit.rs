@@ -79,26 +79,28 @@ impl Patch {
         let window = depth.crop(x0, y0, x + r + 1 - x0, y + r + 1 - y0);
         (self.columns, self.rows) = window.size();
         (self.left, self.above) = (x - x0, y - y0);
-        let left = self.left;
+        // Not centre / number - 1: at f = 10,000 px neighbours differ in the fifth digit, and this difference is exact.
+        let share = |value: D| (centre - value.number()) / value.number();
+        // How far a pixel may be off goes with the larger of its distances across and down.
+        let by_column: [f32; SIDE] =
+            if VECTORS { core::array::from_fn(|i| reach(max_step, offset(i, self.left))) } else { [0.0; SIDE] };
         for (j, row) in window.rows().enumerate() {
             let by_row = reach(max_step, offset(j, self.above));
-            let share = |i: usize, value: D| {
-                if !value.is_valid() {
-                    return f32::NAN;
-                }
-                // Not centre / number - 1: at f = 10,000 px neighbours differ in the fifth digit, and this difference is exact.
-                let number = value.number();
-                let share = (centre - number) / number;
-                // The larger of the distances across and down allows more.
-                let reached = share.abs() <= by_row || share.abs() <= reach(max_step, offset(i, left));
-                if reached { share } else { f32::NAN }
-            };
             if VECTORS {
                 let line = self.w.get_mut(j)?;
-                line.iter_mut().zip(row).enumerate().for_each(|(i, (w, &value))| *w = share(i, value));
+                for (w, &value) in line.iter_mut().zip(row) {
+                    if value.is_valid() {
+                        *w = share(value);
+                    }
+                }
+                for (w, &by_column) in line.iter_mut().zip(&by_column) {
+                    *w = if w.abs() <= math::max(by_row, by_column) { *w } else { f32::NAN };
+                }
             } else {
                 for (i, (column, &value)) in self.w.iter_mut().zip(row).enumerate() {
-                    *column.get_mut(j)? = share(i, value);
+                    let share = if value.is_valid() { share(value) } else { f32::NAN };
+                    let reached = share.abs() <= by_row || share.abs() <= reach(max_step, offset(i, self.left));
+                    *column.get_mut(j)? = if reached { share } else { f32::NAN };
                 }
             }
         }
