@@ -81,7 +81,7 @@ impl<'a> Over<'a> {
 
     /// The picture row that a map row's tap reads.
     fn row_of(&self, y: usize, tap: usize) -> usize {
-        ((y * self.taps + tap) * 2 + 1) * self.picture.height() / (2 * self.taps * self.map.1.max(1))
+        ((y * self.taps + tap) * 2 + 1) * self.picture.height() / (2 * self.taps * self.map.1).max(1)
     }
 
     #[inline(always)]
@@ -129,7 +129,7 @@ impl<'a> Over<'a> {
             for j in 0..self.taps {
                 let row = self.picture.row(self.row_of(y, j));
                 for i in 0..self.taps {
-                    let column = ((x * self.taps + i) * 2 + 1) * row.len() / (2 * self.taps * width);
+                    let column = ((x * self.taps + i) * 2 + 1) * row.len() / (2 * self.taps * width).max(1);
                     let [r, g, b, a] = row.get(column).copied().unwrap_or_default();
                     let a = f32::from(a);
                     cover += a;
