@@ -42,6 +42,7 @@ extern crate std;
 pub use glam;
 
 pub mod ground;
+pub mod lighting;
 pub mod localized;
 pub mod sensing;
 pub mod skipping;
