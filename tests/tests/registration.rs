@@ -133,7 +133,7 @@ fn living_room() {
                 let (mut worst, mut sum, mut n, mut ms, mut prep) =
                     ((0.0_f64, 0.0_f64), (0.0, 0.0), 0, 0.0_f64, 0.0_f64);
                 let mut bad = 0;
-                for trial in 0..10 {
+                for trial in 0..25 {
                     let tracked: Vec<Pose> = views
                         .truth
                         .iter()

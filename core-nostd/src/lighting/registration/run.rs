@@ -19,11 +19,11 @@ const LEVELS: [usize; 3] = [400, 1600, 4096];
 /// Corrections below this end a level, metres of the view's points.
 const SMALL: [f64; 3] = [3e-3, 5e-4, 1e-4];
 /// Passes after which a level ends anyway.
-const PASSES: [u16; 3] = [30, 15, 15];
+const PASSES: [u16; 3] = [60, 20, 15];
 /// Matched cells without which two views have nothing in common.
 const COMMON: u32 = 24;
 /// A step below this many scales has settled.
-const SETTLED: f64 = 0.5;
+const SETTLED: f64 = 0.1;
 /// Scale at which a view leaves the first level, metres.
 const FIRST_SCALE: f32 = 0.01;
 /// Smallest scale of misalignment, metres.
@@ -59,9 +59,13 @@ struct View {
     fixed: bool,
     /// It stands: fixed, or aligned.
     stands: bool,
+    /// The views that stood when it was aligned told too little: it waits until no other is left.
+    waits: bool,
     outcome: Outcome,
     iterations: u16,
     known: Known,
+    /// What the views tell that are known themselves, where some are not.
+    firm: Option<Known>,
     scale: Scale,
     // Of the pass.
     weight: f64,
@@ -78,9 +82,11 @@ impl View {
         start: Pose::IDENTITY,
         fixed: false,
         stands: false,
+        waits: false,
         outcome: Outcome::Working,
         iterations: 0,
         known: Known::NOTHING,
+        firm: None,
         scale: Scale { centre: ZERO3, radius: 1.0 },
         weight: 0.0,
         spread: 0.0,
@@ -106,6 +112,7 @@ impl View {
 
     fn decompose(&mut self, information: &Matrix6<f64>, slot: &Slot, least: f32) {
         self.scale = scale(slot, &self.now);
+        self.firm = None;
         let feigned = if self.weight > 0.0 { FEIGNED * self.spread / self.weight } else { 0.0 };
         self.known = Known::of(information, &self.scale, self.weight, feigned + f64::from(least));
     }
@@ -125,6 +132,15 @@ impl View {
         let arm = rotate(rotation::turned(Quat::IDENTITY, turn), self.now.translation() - centre);
         self.now = Pose::new(turned, centre + vec3(&shift) + arm).unwrap_or(self.now);
         length
+    }
+
+    const fn is_moving(&self) -> bool {
+        self.stands && !self.fixed
+    }
+
+    /// What is known of it, alone or beside others.
+    fn knowledge(&self) -> &Known {
+        self.firm.as_ref().unwrap_or(&self.known)
     }
 
     fn share(&self) -> f32 {
@@ -389,8 +405,10 @@ impl<const N: usize> Run<N> {
             let row = self.overlap.get(i).into_iter().flatten();
             let usable = row.zip(&self.views).filter(|(n, v)| v.stands && **n >= COMMON).map(|(n, _)| *n);
             let common = usable.fold(0, u32::saturating_add);
-            if common > 0 && best.is_none_or(|(_, most)| common > most) {
-                best = Some((i, common));
+            // Those that wait come last.
+            let rank = (!view.waits, common);
+            if common > 0 && best.is_none_or(|(_, most)| rank > most) {
+                best = Some((i, rank));
             }
         }
         self.pass = 0;
@@ -405,7 +423,7 @@ impl<const N: usize> Run<N> {
                         view.outcome = Outcome::NoOverlap;
                     }
                 }
-                if self.views.iter().any(|v| v.stands && !v.fixed) { Stage::Refine } else { Stage::Done }
+                if self.views.iter().any(View::is_moving) { Stage::Refine } else { Stage::Done }
             }
         };
     }
@@ -431,7 +449,10 @@ impl<const N: usize> Run<N> {
             self.stage = Stage::Align { view, level: 1 };
             return;
         } else if small || last {
-            if v.share() < params.min_inliers {
+            if v.known.unknown > 0 && !v.waits {
+                v.waits = true;
+                v.now = v.start;
+            } else if v.share() < params.min_inliers {
                 v.reject(Outcome::Poor);
             } else {
                 v.stands = true;
@@ -454,7 +475,7 @@ impl<const N: usize> Run<N> {
         if !(small || PASSES.get(2).is_none_or(|n| self.pass >= *n)) {
             return;
         }
-        for view in self.views.iter_mut().filter(|v| v.stands && !v.fixed) {
+        for view in self.views.iter_mut().filter(|v| v.is_moving()) {
             let turn = rotation::way(view.start.rotation(), view.now.rotation()).length();
             let shift = (view.now.translation() - view.start.translation()).length();
             if !(turn <= params.max_turn && shift <= params.max_shift) {
@@ -462,7 +483,7 @@ impl<const N: usize> Run<N> {
             } else if view.share() < params.min_inliers {
                 view.reject(Outcome::Poor);
             } else {
-                view.outcome = match (view.known.unknown, small) {
+                view.outcome = match (view.knowledge().unknown, small) {
                     (0, true) => Outcome::Registered,
                     (0, false) => Outcome::NotConverged,
                     (_, _) => Outcome::Degenerate,
@@ -473,44 +494,48 @@ impl<const N: usize> Run<N> {
     }
 
     /// Solves for all views that stand and are not fixed, and moves them; the farthest any went, metres.
+    ///
+    /// The matrix is symmetric: of two views, the block in the later one's row is worked on, that in the earlier one's stays as it was.
     fn solve(&mut self, slots: &[Slot; N], params: &RegistrationParams) -> f64 {
         let order = self.order;
-        let moving = |views: &[View; N], i: usize| views.get(i).is_some_and(|v| v.stands && !v.fixed);
         // Last to first: each pivot, and what it leaves to those before it.
         for (k, &view) in order.iter().enumerate().take(self.standing).rev() {
-            if !moving(&self.views, view) {
+            if !self.is_moving(view) {
                 continue;
             }
             let pivot = self.block(view, view);
             let (Some(v), Some(slot)) = (self.views.get_mut(view), slots.get(view)) else { continue };
             v.decompose(&pivot, slot, params.min_information);
             let (inverse, right) = (v.known.inverse, v.right);
-            for &a in order.iter().take(k).filter(|&&a| moving(&self.views, a)) {
-                let towards = self.block(a, view) * inverse;
-                for &b in order.iter().take(k).filter(|&&b| moving(&self.views, b)) {
+            for (i, &a) in order.iter().enumerate().take(k) {
+                if !self.is_moving(a) {
+                    continue;
+                }
+                let towards = self.block(view, a).tr_mul(&inverse);
+                for &b in order.iter().take(i + 1).filter(|&&b| self.views.get(b).is_some_and(View::is_moving)) {
                     let less = towards * self.block(view, b);
                     if let Some(m) = self.matrix.get_mut(a).and_then(|row| row.get_mut(b)) {
                         *m -= less;
                     }
                 }
-            }
-            for &a in order.iter().take(k) {
-                let towards = self.block(a, view) * inverse;
-                if let Some(v) = self.views.get_mut(a).filter(|v| v.stands && !v.fixed) {
+                if let Some(v) = self.views.get_mut(a) {
                     v.right -= towards * right;
                 }
             }
         }
+        self.find_firm(slots, params);
         // First to last.
         let mut steps = [ZERO6; N];
         let mut farthest = 0.0_f64;
         for (k, &view) in order.iter().enumerate().take(self.standing) {
-            if !moving(&self.views, view) {
+            if !self.is_moving(view) {
                 continue;
             }
             let mut right = self.views.get(view).map_or(ZERO6, |v| v.right);
-            for (&a, step) in order.iter().zip(&steps).take(k).filter(|&(&a, _)| moving(&self.views, a)) {
-                right -= self.block(view, a) * step;
+            for (&a, step) in order.iter().zip(&steps).take(k) {
+                if self.is_moving(a) {
+                    right -= self.block(view, a) * step;
+                }
             }
             let Some(v) = self.views.get_mut(view) else { continue };
             let step = v.known.inverse * right;
@@ -523,6 +548,49 @@ impl<const N: usize> Run<N> {
         farthest
     }
 
+    /// A view that is well known beside another, of which itself little is known, is not well known: says of each view what the views
+    /// tell that are (fixed, or known by these).
+    fn find_firm(&mut self, slots: &[Slot; N], params: &RegistrationParams) {
+        if self.views.iter().all(|v| !v.is_moving() || v.known.unknown == 0) {
+            return;
+        }
+        let order = self.order;
+        let mut firm = [false; N];
+        for (place, view) in firm.iter_mut().zip(&self.views) {
+            *place = view.fixed;
+        }
+        // Each round makes at least one firm, or is the last.
+        for _ in 0..N {
+            let mut more = false;
+            for (k, &view) in order.iter().enumerate().take(self.standing) {
+                if !self.is_moving(view) || firm.get(view).is_none_or(|f| *f) {
+                    continue;
+                }
+                let mut information = ZERO66;
+                for (i, &other) in order.iter().enumerate().take(self.standing) {
+                    if i != k && firm.get(other).is_some_and(|f| *f) {
+                        information -= if i < k { self.block(other, view) } else { self.block(view, other) };
+                    }
+                }
+                let (Some(v), Some(slot)) = (self.views.get(view), slots.get(view)) else { continue };
+                let mut v = *v;
+                v.decompose(&information, slot, params.min_information);
+                if let (Some(kept), Some(f)) = (self.views.get_mut(view), firm.get_mut(view)) {
+                    *f = v.known.unknown == 0;
+                    more |= *f;
+                    kept.firm = Some(v.known);
+                }
+            }
+            if !more {
+                break;
+            }
+        }
+    }
+
+    fn is_moving(&self, view: usize) -> bool {
+        self.views.get(view).is_some_and(View::is_moving)
+    }
+
     fn block(&self, row: usize, column: usize) -> Matrix6<f64> {
         self.matrix.get(row).and_then(|r| r.get(column)).copied().unwrap_or(ZERO66)
     }
@@ -532,7 +600,7 @@ impl<const N: usize> Run<N> {
         let pose = if view.now == view.start { place.tracked } else { self.reference.compose(&view.now) };
         let done = self.stage == Stage::Done;
         let mut directions = [Direction { turn: Vec3::ZERO, shift: Vec3::ZERO, information: 0.0 }; 6];
-        for (d, (way, value)) in directions.iter_mut().zip(view.known.directions.iter().zip(view.known.values)) {
+        for (d, (way, value)) in directions.iter_mut().zip(view.knowledge().directions.iter().zip(view.knowledge().values)) {
             d.turn = self.reference.direction_to_world(Vec3::new(way[0] as f32, way[1] as f32, way[2] as f32));
             d.shift = self.reference.direction_to_world(Vec3::new(way[3] as f32, way[4] as f32, way[5] as f32));
             d.information = value as f32;
@@ -547,7 +615,7 @@ impl<const N: usize> Run<N> {
             matched: view.matched,
             centre: self.reference.to_world(vec3(&view.scale.centre)),
             directions,
-            unknown: view.known.unknown,
+            unknown: view.knowledge().unknown,
         })
     }
 }
