@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::associate::{Cells, Gates, Sums, add_row};
 use super::cells::Grid;
-use super::solve::{Known, Scale, into_camera, symmetric};
+use super::solve::{Known, Scale, into_camera, prior, symmetric};
 use super::{Direction, FIELDS, Outcome, RegistrationParams, Slot, ViewReport};
 use crate::ground::math;
 use crate::ground::rotation::{self, rotate};
@@ -110,11 +110,28 @@ impl View {
         self.inliers = self.inliers.saturating_add(sums.inliers);
     }
 
-    fn decompose(&mut self, information: &Matrix6<f64>, slot: &Slot, least: f32) {
+    fn decompose(&mut self, information: &Matrix6<f64>, prior: &Matrix6<f64>, slot: &Slot, least: f32) {
         self.scale = scale(slot, &self.now);
         self.firm = None;
         let feigned = if self.weight > 0.0 { FEIGNED * self.spread / self.weight } else { 0.0 };
-        self.known = Known::of(information, &self.scale, self.weight, feigned + f64::from(least));
+        self.known = Known::of(information, prior, &self.scale, self.weight, feigned + f64::from(least));
+    }
+
+    /// Draws it back to where it was tracked, weakly: while residuals are coarse, what little they know of some directions must
+    /// not throw it out of the others' sight. Gives the information of that belief.
+    fn believe(&mut self, params: &RegistrationParams) -> Matrix6<f64> {
+        let (turn, shift) = (0.5 * f64::from(params.max_turn), 0.5 * f64::from(params.max_shift));
+        if !(turn > 1e-6 && shift > 1e-6) {
+            return ZERO66;
+        }
+        let at = vector(self.now.translation());
+        let turned = vector(rotation::way(self.start.rotation(), self.now.rotation()));
+        let shifted = at - vector(self.start.translation());
+        let prior = prior(&at, turn, shift);
+        // As (rotation, translation of the origin).
+        let moved = shifted - turned.cross(&at);
+        self.right -= prior * Vector6::new(turned.x, turned.y, turned.z, moved.x, moved.y, moved.z);
+        prior
     }
 
     /// Moves it; how far its points went, metres.
@@ -433,7 +450,8 @@ impl<const N: usize> Run<N> {
         let information = self.matrix.get(view).and_then(|row| row.get(view)).copied().unwrap_or(ZERO66);
         let (Some(v), Some(slot)) = (self.views.get_mut(view), slots.get(view)) else { return };
         // On the way, weak directions may be weaker than they will be.
-        v.decompose(&information, slot, 0.25 * params.min_information);
+        let prior = v.believe(params);
+        v.decompose(&information, &prior, slot, 0.25 * params.min_information);
         let moved = v.apply(&(v.known.inverse * v.right));
         v.iterations = v.iterations.saturating_add(1);
         let lost = v.matched < COMMON || !moved.is_finite();
@@ -442,7 +460,10 @@ impl<const N: usize> Run<N> {
         let Some(v) = self.views.get_mut(view) else { return };
         let small = SMALL.get(level).is_none_or(|s| moved < *s) && (level > 0 || scale <= FIRST_SCALE);
         let last = PASSES.get(level).is_none_or(|n| self.pass >= *n);
-        if lost {
+        if lost && !v.waits {
+            v.waits = true;
+            v.now = v.start;
+        } else if lost {
             v.reject(Outcome::NoOverlap);
         } else if level == 0 && (small || last) {
             self.pass = 0;
@@ -505,7 +526,7 @@ impl<const N: usize> Run<N> {
             }
             let pivot = self.block(view, view);
             let (Some(v), Some(slot)) = (self.views.get_mut(view), slots.get(view)) else { continue };
-            v.decompose(&pivot, slot, params.min_information);
+            v.decompose(&pivot, &ZERO66, slot, params.min_information);
             let (inverse, right) = (v.known.inverse, v.right);
             for (i, &a) in order.iter().enumerate().take(k) {
                 if !self.is_moving(a) {
@@ -574,7 +595,7 @@ impl<const N: usize> Run<N> {
                 }
                 let (Some(v), Some(slot)) = (self.views.get(view), slots.get(view)) else { continue };
                 let mut v = *v;
-                v.decompose(&information, slot, params.min_information);
+                v.decompose(&information, &ZERO66, slot, params.min_information);
                 if let (Some(kept), Some(f)) = (self.views.get_mut(view), firm.get_mut(view)) {
                     *f = v.known.unknown == 0;
                     more |= *f;

@@ -8,7 +8,7 @@
 //! Matrices are nalgebra's; its eigenvalue solver is not used because it links a panic, Jacobi's rotations (Golub and Van
 //! Loan, 8.5) do not, and find small eigenvalues to more digits.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Cholesky, Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::ground::math;
 
@@ -119,6 +119,18 @@ pub(super) fn into_camera(turn: &Matrix3<f64>, t: &Vector3<f64>) -> Matrix6<f64>
     quarters(&back, &Matrix3::zeros(), &(-(back * cross(t))), &back)
 }
 
+/// What is believed of a camera's turn and shift beforehand: information, as of (rotation, translation of the origin), for
+/// deviations `turn` (radians) and `shift` (metres) of a camera that stands at `t`.
+pub(super) fn prior(t: &Vector3<f64>, turn: f64, shift: f64) -> Matrix6<f64> {
+    let to_camera = quarters(&Matrix3::identity(), &Matrix3::zeros(), &(-cross(t)), &Matrix3::identity());
+    let mut diagonal = Matrix6::zeros();
+    for k in 0..3 {
+        diagonal[(k, k)] = 1.0 / (turn * turn);
+        diagonal[(k + 3, k + 3)] = 1.0 / (shift * shift);
+    }
+    to_camera.tr_mul(&diagonal) * to_camera
+}
+
 /// Where a view's points are: the scale in which its directions are compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
@@ -158,8 +170,15 @@ impl Known {
         unknown: 6,
     };
 
-    /// From an information matrix; directions whose eigenvalue over `weight` is below `least` count as not known.
-    pub(super) fn of(information: &Matrix6<f64>, scale: &Scale, weight: f64, least: f64) -> Self {
+    /// From an information matrix; directions whose eigenvalue over `weight` is below `least` count as not known. `prior` is
+    /// information from elsewhere, that makes nothing known but slows what is.
+    pub(super) fn of(
+        information: &Matrix6<f64>,
+        prior: &Matrix6<f64>,
+        scale: &Scale,
+        weight: f64,
+        least: f64,
+    ) -> Self {
         let to_plain = scale.matrix();
         let scaled = to_plain.tr_mul(information) * to_plain;
         let usable = weight > 0.0 && scale.radius > 0.0 && scaled.iter().all(|v| v.is_finite());
@@ -167,16 +186,18 @@ impl Known {
             return Self::NOTHING;
         }
         let (values, vectors) = eigen(&scaled);
-        let mut inverse = Matrix6::zeros();
         let mut known = Self::NOTHING;
         known.unknown = 0;
-        let fields = values.iter().zip(&mut known.values).zip(&mut known.directions);
-        for (i, ((value, said), direction)) in fields.enumerate() {
+        // Onto the known directions.
+        let mut onto = Matrix6::zeros();
+        for (i, (value, (said, direction))) in
+            values.iter().zip(known.values.iter_mut().zip(&mut known.directions)).enumerate()
+        {
             let column: Vector6<f64> = vectors.column(i.min(5)).into_owned();
             *said = value / weight;
             *direction = column;
             if *said >= least && *value > 0.0 {
-                inverse += column * column.transpose() * (1.0 / value);
+                onto += column * column.transpose();
             } else {
                 known.unknown += 1;
             }
@@ -184,7 +205,16 @@ impl Known {
                 direction[k] /= scale.radius;
             }
         }
-        known.inverse = to_plain * inverse * to_plain.transpose();
+        // On the others any number above 0 makes it invertible; the weight is of the right size.
+        let all = scaled + to_plain.tr_mul(prior) * to_plain;
+        let whole = onto * all * onto + (Matrix6::identity() - onto) * weight;
+        if let Some(factors) = Cholesky::new(whole) {
+            let mut inverse = onto;
+            factors.solve_mut(&mut inverse);
+            known.inverse = to_plain * (onto * inverse) * to_plain.transpose();
+        } else {
+            known.unknown = 6;
+        }
         known
     }
 }
@@ -213,10 +243,11 @@ mod tests {
     #[test]
     fn what_is_no_matrix_leaves_nothing_known() {
         let scale = Scale { centre: Vector3::zeros(), radius: 1.0 };
+        let none = Matrix6::zeros();
         let nan = Matrix6::from_element(f64::NAN);
-        assert_eq!(Known::of(&nan, &scale, 1.0, 0.01), Known::NOTHING);
-        assert_eq!(Known::of(&Matrix6::zeros(), &scale, 1.0, 0.01).unknown, 6);
-        assert_eq!(Known::of(&Matrix6::identity(), &scale, 0.0, 0.01), Known::NOTHING);
+        assert_eq!(Known::of(&nan, &none, &scale, 1.0, 0.01), Known::NOTHING);
+        assert_eq!(Known::of(&none, &none, &scale, 1.0, 0.01).unknown, 6);
+        assert_eq!(Known::of(&Matrix6::identity(), &none, &scale, 0.0, 0.01), Known::NOTHING);
         let _ = eigen(&nan);
     }
 }
