@@ -14,7 +14,7 @@ use crate::sensing::depth::noise::DepthNoise;
 use crate::sensing::frame::DepthFrame;
 
 /// A cell's pixels may stray from its plane by this share of its width: spheres pass, steps don't.
-const FLATNESS: f32 = 0.02;
+const FLATNESS: f32 = 0.1;
 /// Cosine of the steepest incidence of a cell in use: 80 degrees.
 const GRAZING: f32 = 0.17;
 

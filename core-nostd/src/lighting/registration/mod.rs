@@ -40,7 +40,7 @@ const LEAST_CELL: usize = 4;
 /// Cells without which a view is none.
 const LEAST_CELLS: usize = 64;
 /// Cells are widened until noise turns their normals by less than this, radians.
-const STEADY: f32 = 0.05;
+const STEADY: f32 = 0.1;
 /// Floats a cell.
 const FIELDS: usize = 3;
 
@@ -69,7 +69,7 @@ pub struct RegistrationParams {
     /// Surfaces whose normals differ by more than this are not the same, radians. Default 0.6. 0 to pi / 2.
     pub max_angle: f32,
     /// Directions with less information than this share are not corrected. 1 is what a plane tells of its distance when all
-    /// cells lie on it. Default 0.01. 0 to 1.
+    /// cells lie on it. Default 0.002. 0 to 1.
     pub min_information: f32,
     /// A correction that moves a camera by more than this is not believed, metres. Default 0.25.
     pub max_shift: f32,
@@ -84,7 +84,7 @@ impl Default for RegistrationParams {
         Self {
             max_distance: 0.5,
             max_angle: 0.6,
-            min_information: 0.01,
+            min_information: 0.002,
             max_shift: 0.25,
             max_turn: 0.26,
             min_inliers: 0.5,
@@ -261,7 +261,7 @@ impl Slot {
 ///         let ray = k.ray(glam::vec2(x as f32, y as f32));
 ///         // Walls at x + z = 3 m and z - x = 3 m, floor at y = 1 m.
 ///         let z = (3.0 / (1.0 + ray.x)).min(3.0 / (1.0 - ray.x)).min(if ray.y > 0.0 { 1.0 / ray.y } else { 9.0 });
-///         depth.set(x, y, (z * 1000.0 + 0.5) as u16);
+///         depth.view_mut().set(x, y, (z * 1000.0 + 0.5) as u16);
 ///     }
 /// }
 /// let frame = DepthFrame::new(depth.view(), DepthUnit::MILLIMETRE, k);

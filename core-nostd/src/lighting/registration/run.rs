@@ -27,7 +27,7 @@ const SETTLED: f64 = 0.1;
 /// Scale at which a view leaves the first level, metres.
 const FIRST_SCALE: f32 = 0.01;
 /// Smallest scale of misalignment, metres.
-const LEAST_SCALE: f32 = 3e-4;
+const LEAST_SCALE: f32 = 1.5e-3;
 /// Directions known no better than this many times what noisy normals feign are not known.
 const FEIGNED: f64 = 1.5;
 /// What a solve is counted as, cells.
@@ -117,21 +117,35 @@ impl View {
         self.known = Known::of(information, prior, &self.scale, self.weight, feigned + f64::from(least));
     }
 
-    /// Draws it back to where it was tracked, weakly: while residuals are coarse, what little they know of some directions must
-    /// not throw it out of the others' sight. Gives the information of that belief.
-    fn believe(&mut self, params: &RegistrationParams) -> Matrix6<f64> {
+    /// What is believed of the correction, and the correction so far, as (rotation, translation of the origin).
+    fn belief(&self, params: &RegistrationParams) -> (Matrix6<f64>, Vector6<f64>) {
         let (turn, shift) = (0.5 * f64::from(params.max_turn), 0.5 * f64::from(params.max_shift));
         if !(turn > 1e-6 && shift > 1e-6) {
-            return ZERO66;
+            return (ZERO66, ZERO6);
         }
         let at = vector(self.now.translation());
         let turned = vector(rotation::way(self.start.rotation(), self.now.rotation()));
-        let shifted = at - vector(self.start.translation());
-        let prior = prior(&at, turn, shift);
-        // As (rotation, translation of the origin).
-        let moved = shifted - turned.cross(&at);
-        self.right -= prior * Vector6::new(turned.x, turned.y, turned.z, moved.x, moved.y, moved.z);
+        let moved = at - vector(self.start.translation()) - turned.cross(&at);
+        (prior(&at, turn, shift), Vector6::new(turned.x, turned.y, turned.z, moved.x, moved.y, moved.z))
+    }
+
+    /// Draws it back to where it was tracked, weakly: while residuals are coarse, what little they know of some directions must
+    /// not throw it out of the others' sight. Gives the information of that belief.
+    fn believe(&mut self, params: &RegistrationParams) -> Matrix6<f64> {
+        let (prior, moved) = self.belief(params);
+        self.right -= prior * moved;
         prior
+    }
+
+    /// Takes back what was corrected along directions that are not known, as far as the camera is concerned: where every pose
+    /// fits as well, the tracker's position and turn are the best.
+    fn take_back(&mut self, params: &RegistrationParams) -> f64 {
+        if self.known.unknown == 0 || self.known.unknown == 6 {
+            return 0.0;
+        }
+        let (prior, moved) = self.belief(params);
+        let step = self.known.least(&moved, &prior);
+        self.apply(&step)
     }
 
     /// Moves it; how far its points went, metres.
@@ -449,10 +463,10 @@ impl<const N: usize> Run<N> {
         self.pass += 1;
         let information = self.matrix.get(view).and_then(|row| row.get(view)).copied().unwrap_or(ZERO66);
         let (Some(v), Some(slot)) = (self.views.get_mut(view), slots.get(view)) else { return };
-        // On the way, weak directions may be weaker than they will be.
+        // On the way, weak directions may be weaker than they will be: the belief holds them, and what stays unknown is taken back.
         let prior = v.believe(params);
-        v.decompose(&information, &prior, slot, 0.25 * params.min_information);
-        let moved = v.apply(&(v.known.inverse * v.right));
+        v.decompose(&information, &prior, slot, 0.0);
+        let moved = v.apply(&(v.known.inverse * v.right)) + v.take_back(params);
         v.iterations = v.iterations.saturating_add(1);
         let lost = v.matched < COMMON || !moved.is_finite();
         self.narrow(moved);
@@ -470,7 +484,7 @@ impl<const N: usize> Run<N> {
             self.stage = Stage::Align { view, level: 1 };
             return;
         } else if small || last {
-            if v.known.unknown > 0 && !v.waits {
+            if v.known.values.iter().any(|i| *i < f64::from(params.min_information)) && !v.waits {
                 v.waits = true;
                 v.now = v.start;
             } else if v.share() < params.min_inliers {
@@ -560,7 +574,7 @@ impl<const N: usize> Run<N> {
             }
             let Some(v) = self.views.get_mut(view) else { continue };
             let step = v.known.inverse * right;
-            farthest = farthest.max(v.apply(&step));
+            farthest = farthest.max(v.apply(&step) + v.take_back(params));
             v.iterations = v.iterations.saturating_add(1);
             if let Some(place) = steps.get_mut(k) {
                 *place = step;
@@ -621,7 +635,9 @@ impl<const N: usize> Run<N> {
         let pose = if view.now == view.start { place.tracked } else { self.reference.compose(&view.now) };
         let done = self.stage == Stage::Done;
         let mut directions = [Direction { turn: Vec3::ZERO, shift: Vec3::ZERO, information: 0.0 }; 6];
-        for (d, (way, value)) in directions.iter_mut().zip(view.knowledge().directions.iter().zip(view.knowledge().values)) {
+        for (d, (way, value)) in
+            directions.iter_mut().zip(view.knowledge().directions.iter().zip(view.knowledge().values))
+        {
             d.turn = self.reference.direction_to_world(Vec3::new(way[0] as f32, way[1] as f32, way[2] as f32));
             d.shift = self.reference.direction_to_world(Vec3::new(way[3] as f32, way[4] as f32, way[5] as f32));
             d.information = value as f32;

@@ -154,6 +154,9 @@ impl Scale {
 pub(super) struct Known {
     /// Inverse on the known directions, zero on the others.
     pub(super) inverse: Matrix6<f64>,
+    /// Onto the unknown directions, each a column of (rotation, translation of the origin), their own lengths 1 in the scale; zero
+    /// columns for the known.
+    free: Matrix6<f64>,
     /// Eigenvalues over the weight, ascending: 1 is a plane faced by all residuals.
     pub(super) values: [f64; 6],
     /// Eigenvectors, as (rotation, translation of the centre), each a unit vector of (radius x rotation, translation).
@@ -165,6 +168,7 @@ pub(super) struct Known {
 impl Known {
     pub(super) const NOTHING: Self = Self {
         inverse: Matrix6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; 6])),
+        free: Matrix6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; 6])),
         values: [0.0; 6],
         directions: [Vector6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; 1])); 6],
         unknown: 6,
@@ -172,13 +176,7 @@ impl Known {
 
     /// From an information matrix; directions whose eigenvalue over `weight` is below `least` count as not known. `prior` is
     /// information from elsewhere, that makes nothing known but slows what is.
-    pub(super) fn of(
-        information: &Matrix6<f64>,
-        prior: &Matrix6<f64>,
-        scale: &Scale,
-        weight: f64,
-        least: f64,
-    ) -> Self {
+    pub(super) fn of(information: &Matrix6<f64>, prior: &Matrix6<f64>, scale: &Scale, weight: f64, least: f64) -> Self {
         let to_plain = scale.matrix();
         let scaled = to_plain.tr_mul(information) * to_plain;
         let usable = weight > 0.0 && scale.radius > 0.0 && scaled.iter().all(|v| v.is_finite());
@@ -200,6 +198,10 @@ impl Known {
                 onto += column * column.transpose();
             } else {
                 known.unknown += 1;
+                let plain = to_plain * column;
+                for k in 0..6 {
+                    known.free[(k, i.min(5))] = plain[k];
+                }
             }
             for k in 0..3 {
                 direction[k] /= scale.radius;
@@ -216,6 +218,19 @@ impl Known {
             known.unknown = 6;
         }
         known
+    }
+
+    /// The step along the unknown directions that leaves least of a correction `moved` (rotation, translation of the origin), as
+    /// `prior` measures it.
+    pub(super) fn least(&self, moved: &Vector6<f64>, prior: &Matrix6<f64>) -> Vector6<f64> {
+        let mut normal = self.free.tr_mul(prior) * self.free;
+        for k in 0..6 {
+            if normal[(k, k)] == 0.0 {
+                normal[(k, k)] = 1.0;
+            }
+        }
+        let right = self.free.tr_mul(&(prior * moved));
+        Cholesky::new(normal).map_or_else(Vector6::zeros, |f| self.free * f.solve(&-right))
     }
 }
 
