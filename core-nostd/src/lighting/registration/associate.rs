@@ -25,7 +25,7 @@ pub(super) struct Gates {
 /// of the source, and each residual r = n · (p - q) has the row J = (p x n, n).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sums {
-    /// Upper triangle of sum w JᵀJ, row after row.
+    /// Upper triangle of the sum of w times J transposed times J, row after row.
     pub(super) h: [f64; 21],
     /// Sum w r J.
     pub(super) g: [f64; 6],

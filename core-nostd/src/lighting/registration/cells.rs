@@ -85,8 +85,8 @@ impl Grid {
         }
         let z = sum / n;
         let [variance, ..] = self.variance(Lanes::splat(z)).0;
-        let width = z * self.cell as f32 / self.fx.abs();
-        math::sqrt(12.0 * variance / self.samples() as f32) / width
+        let wide = z * self.cell as f32 / self.fx.abs();
+        math::sqrt(12.0 * variance / self.samples().max(1) as f32) / wide
     }
 
     /// Whether these can be the cells of this frame.
@@ -185,7 +185,7 @@ fn reference<D: DepthSample>(frame: &DepthFrame<'_, D>, grid: &Grid, x0: usize, 
 
 /// Sums over a cell without holes; `None` when there is one.
 fn whole<D: DepthSample>(frame: &DepthFrame<'_, D>, grid: &Grid, x0: usize, y0: usize, reference: f32) -> Option<Sums> {
-    if grid.cell % LANES != 0 {
+    if !grid.cell.is_multiple_of(LANES) {
         return None;
     }
     let middle = 0.5 * (grid.cell as f32 - 1.0);

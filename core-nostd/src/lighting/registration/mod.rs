@@ -7,19 +7,34 @@
 //! a scale that follows the residuals down.
 //!
 //! What the geometry does not tell is not corrected: along a single wall, and about its normal, every pose fits as well, and noise
-//! would choose one. Such directions are found in each view's own scale (Gelfand et al. 2003), left as the tracker said
-//! (Zhang et al. 2016), and reported ([`Outcome::Degenerate`], [`ViewReport::unknown`]). Directions as weak as the
-//! noise of the normals count among them.
+//! would choose one. Such directions are found in each view's own scale (Gelfand et al. 2003) and left out of the solution (Zhang et
+//! al. 2016, "solution remapping"): of all poses that fit, the one nearest to the tracker's is taken. They are reported
+//! ([`Outcome::Degenerate`], [`ViewReport::unknown`]). Directions as weak as the noise of the normals count among them, and so
+//! do those of a view that is known only beside another that is not.
 //!
 //! It is a separate object, off unless called, and works in slices: [`Registration::fill`] and [`Registration::step`] do a bounded
-//! amount of work a call, and give the same result however it is sliced. After `fill` a view's image is no longer needed.
+//! amount of work a call, and give the same result however it is sliced. After `fill` a view's image is no longer needed, and
+//! stays prepared for the next registration.
 //!
-//! Memory: the caller's floats, [`scratch_len`] a view (36 KiB at 1024 x 768; 14 KiB at 160 x 120), and 288 N² + 544 N bytes or
-//! so in the object itself (`size_of::<Registration<5>>()`: see the tests).
+//! Memory: the caller's floats, [`scratch_len`] a view (36 KiB at 1024 x 768, 56 KiB at 640 x 480, 14 KiB at 160 x 120; with less,
+//! cells are larger); the object itself 19 KiB for 5 views, 7 for 2, 37 for 8.
+//!
+//! Cost (x86-64 baseline, one core): 0.6 ms to prepare a view of 1024 x 768; five prepared views, all but one drifted by 5 cm and 5
+//! degrees, 4 ms (10 with Kinect noise, which needs more passes); one view against four, 1.6 ms (3).
+//!
+//! Error, on the simulated living room after that drift, worst of 40 views each: 1024 x 768, exact depth in millimetres 0.2 mm and
+//! 0.003 degrees, Kinect noise 0.8 mm and 0.02 degrees, time of flight 0.8 mm and 0.02 degrees; 160 x 120, exact 0.5 mm, noisy 9 mm
+//! and 0.2 degrees (too few pixels a plane). On a wall it moves no view by more than 1.1 mm along it. Where little but level
+//! surfaces is seen (straight down on a table), up to 5 cm of drift along one direction stay, and are reported so. Tests hold all
+//! of these (`tests/tests/registration.rs`); `isobath bench --filter registration` prints them.
 
 mod associate;
 mod cells;
 mod run;
+#[allow(
+    clippy::indexing_slicing,
+    reason = "6 x 6 matrices indexed by loops of fixed bounds: nothing of it is left to panic, which `cargo xtask proof` sees"
+)]
 mod solve;
 #[cfg(test)]
 mod tests;
@@ -57,8 +72,14 @@ const fn cell_for(width: usize) -> usize {
 /// larger.
 #[must_use]
 pub const fn scratch_len(width: usize, height: usize) -> usize {
-    let cell = cell_for(width);
-    (width / cell).saturating_mul(height / cell).saturating_mul(FIELDS)
+    cells((width, height), cell_for(width)).saturating_mul(FIELDS)
+}
+
+/// Whole cells of a side in an image.
+const fn cells((width, height): (usize, usize), cell: usize) -> usize {
+    // Said so that every compiler sees that nothing is divided by 0.
+    let cell = if cell == 0 { 1 } else { cell };
+    (width / cell).saturating_mul(height / cell)
 }
 
 /// Parameters of registration.
@@ -295,7 +316,10 @@ impl<'m, const N: usize> Registration<'m, N> {
 
     /// Floats of one slot.
     const fn share(&self) -> usize {
-        if N == 0 { 0 } else { self.memory.len() / N }
+        match self.memory.len().checked_div(N) {
+            Some(floats) => floats,
+            None => 0,
+        }
     }
 
     /// Begins a view in a slot, in place of what was there; [`Self::fill`] does the work. The frame's pose is what the tracker says.
@@ -312,9 +336,8 @@ impl<'m, const N: usize> Registration<'m, N> {
         let floats = self.share();
         let place = self.slots.get_mut(slot).ok_or(RegistrationError::Slot { slot, slots: N })?;
         let tracked = frame.pose().ok_or(RegistrationError::NoPose)?;
-        let (width, height) = frame.size();
-        let mut cell = cell_for(width);
-        while (width / cell).saturating_mul(height / cell) > floats / FIELDS {
+        let mut cell = cell_for(frame.size().0);
+        while cells(frame.size(), cell) > floats / FIELDS {
             cell = cell.saturating_mul(2);
         }
         let mut grid = Grid::new(frame, cell, noise);
@@ -329,7 +352,7 @@ impl<'m, const N: usize> Registration<'m, N> {
         if grid.cells() < LEAST_CELLS {
             return Err(RegistrationError::TooSmall { size: frame.size(), floats });
         }
-        self.run = Run::IDLE;
+        self.run.stop();
         *place = Slot { filled: Some(0), grid, extent: Extent::default(), tracked };
         Ok(())
     }
@@ -395,7 +418,7 @@ impl<'m, const N: usize> Registration<'m, N> {
     pub fn set_pose(&mut self, slot: usize, pose: Pose) -> bool {
         let Some(place) = self.slots.get_mut(slot).filter(|s| s.filled.is_some()) else { return false };
         place.tracked = pose;
-        self.run = Run::IDLE;
+        self.run.stop();
         true
     }
 
@@ -403,7 +426,7 @@ impl<'m, const N: usize> Registration<'m, N> {
     pub fn clear(&mut self, slot: usize) {
         if let Some(place) = self.slots.get_mut(slot) {
             *place = Slot::EMPTY;
-            self.run = Run::IDLE;
+            self.run.stop();
         }
     }
 
@@ -412,8 +435,8 @@ impl<'m, const N: usize> Registration<'m, N> {
     /// # Errors
     /// [`RegistrationError::NothingFixed`] when no slot in `fixed` holds a finished view.
     pub fn start(&mut self, fixed: &[usize]) -> Result<(), RegistrationError> {
-        self.run = Run::new(&self.slots, &self.params, fixed).ok_or(RegistrationError::NothingFixed)?;
-        Ok(())
+        let begun = self.run.begin(&self.slots, &self.params, fixed);
+        if begun { Ok(()) } else { Err(RegistrationError::NothingFixed) }
     }
 
     /// Compares cells until about `budget` are compared, one row of cells at least.

@@ -214,7 +214,7 @@ fn stride(grid: &Grid, most: usize) -> usize {
     stride
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub(super) struct Run<const N: usize> {
     stage: Stage,
     cursor: Cursor,
@@ -249,29 +249,39 @@ impl<const N: usize> Run<N> {
         matrix: [[ZERO66; N]; N],
     };
 
-    pub(super) fn new(slots: &[Slot; N], params: &RegistrationParams, fixed: &[usize]) -> Option<Self> {
-        let ready = |i: &usize| slots.get(*i).is_some_and(Slot::is_ready);
-        let first = fixed.iter().copied().find(ready)?;
-        let mut run = Self::IDLE;
-        run.reference = slots.get(first)?.tracked;
-        for (i, (view, slot)) in run.views.iter_mut().zip(slots).enumerate() {
-            view.start = slot.tracked.relative_to(&run.reference);
+    /// Ends it without result.
+    pub(super) fn stop(&mut self) {
+        self.stage = Stage::Idle;
+    }
+
+    /// Begins anew, in place: a copy of all this would be large on a small stack. `false` when no view that is ready is fixed.
+    pub(super) fn begin(&mut self, slots: &[Slot; N], params: &RegistrationParams, fixed: &[usize]) -> bool {
+        self.stop();
+        let mut ready = fixed.iter().filter_map(|&i| slots.get(i).filter(|s| s.is_ready()));
+        let Some(first) = ready.next() else { return false };
+        self.reference = first.tracked;
+        self.standing = 0;
+        self.pass = 0;
+        self.overlap.as_flattened_mut().fill(0);
+        for (i, (view, slot)) in self.views.iter_mut().zip(slots).enumerate() {
+            *view = View::EMPTY;
+            view.start = slot.tracked.relative_to(&self.reference);
             view.now = view.start;
             view.fixed = slot.is_ready() && fixed.contains(&i);
             view.stands = view.fixed;
             if view.fixed {
                 view.outcome = Outcome::Fixed;
-                if let Some(place) = run.order.get_mut(run.standing) {
+                if let Some(place) = self.order.get_mut(self.standing) {
                     *place = i;
-                    run.standing += 1;
+                    self.standing += 1;
                 }
             }
             view.scale = scale(slot, &view.now);
         }
-        run.stage = Stage::Overlap;
-        run.gates = widest(params);
-        run.begin_pass(slots);
-        Some(run)
+        self.stage = Stage::Overlap;
+        self.gates = widest(params);
+        self.begin_pass(slots);
+        true
     }
 
     pub(super) const fn is_done(&self) -> bool {
@@ -346,7 +356,7 @@ impl<const N: usize> Run<N> {
             self.close_pass(slots, params);
             return SOLVE;
         };
-        let stride = self.stride(slots);
+        let stride = self.stride(slots).max(1);
         if row >= from.grid.rows {
             self.close_pair();
             self.cursor.target += 1;

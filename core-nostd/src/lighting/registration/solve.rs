@@ -191,7 +191,8 @@ impl Known {
         for (i, (value, (said, direction))) in
             values.iter().zip(known.values.iter_mut().zip(&mut known.directions)).enumerate()
         {
-            let column: Vector6<f64> = vectors.column(i.min(5)).into_owned();
+            // Not `column`, whose check small builds keep.
+            let column = Vector6::from_fn(|r, _| vectors[(r, i.min(5))]);
             *said = value / weight;
             *direction = column;
             if *said >= least && *value > 0.0 {
@@ -211,8 +212,14 @@ impl Known {
         let all = scaled + to_plain.tr_mul(prior) * to_plain;
         let whole = onto * all * onto + (Matrix6::identity() - onto) * weight;
         if let Some(factors) = Cholesky::new(whole) {
-            let mut inverse = onto;
-            factors.solve_mut(&mut inverse);
+            // Column by column: of a whole matrix, small builds keep nalgebra's checks.
+            let mut inverse = Matrix6::zeros();
+            for c in 0..6 {
+                let solved = factors.solve(&Vector6::from_fn(|r, _| onto[(r, c)]));
+                for r in 0..6 {
+                    inverse[(r, c)] = solved[r];
+                }
+            }
             known.inverse = to_plain * (onto * inverse) * to_plain.transpose();
         } else {
             known.unknown = 6;

@@ -193,7 +193,7 @@ fn methods(input: &Input) -> Vec<Method<'_>> {
     };
     out.push(Method::new("1 image prepared", 1, last, move || Score::of([f64::NAN; 5])));
 
-    // Prepared once; poses are given anew.
+    // Prepared once; poses are given anew. Both closures share what they are prepared in, so it lives as long as the program.
     let memory: &'static mut [f32] = Vec::leak(views.memory());
     let mut prepared = Registration::<VIEWS>::new(memory, RegistrationParams::default());
     views.set_all(&mut prepared, 0);
