@@ -25,7 +25,7 @@
 //! Error, on the simulated living room after that drift, worst of 40 views each: 1024 x 768, exact depth in millimetres 0.2 mm and
 //! 0.003 degrees, Kinect noise 0.8 mm and 0.02 degrees, time of flight 0.8 mm and 0.02 degrees; 160 x 120, exact 0.5 mm, noisy 9 mm
 //! and 0.2 degrees (too few pixels a plane). On a wall it moves no view by more than 1.1 mm along it. Where little but level
-//! surfaces is seen (straight down on a table), up to 5 cm of drift along one direction stay, and are reported so. Tests hold all
+//! surfaces is seen (steeply down on a table), 5 cm of drift along one direction stay, and are reported so. Tests hold bounds on all
 //! of these (`tests/tests/registration.rs`); `isobath bench --filter registration` prints them.
 
 mod associate;
