@@ -15,8 +15,10 @@ use isobath::lighting::far::{FarField, FarParams};
 use isobath::lighting::near::{NearField, NearMemory, NearParams};
 use isobath::lighting::policy::guided::{Directions, Guide, GuideParams};
 use isobath::lighting::policy::motion::{AutoCapture, MotionParams};
+use isobath::lighting::registration::{Registration, RegistrationParams, scratch_len};
 use isobath::lighting::{Preset, Session};
 use isobath::sensing::camera::Pose;
+use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::frame::DepthFrame;
 use isobath::wire::keyframe::{
     Ambient, Boundary, Brightness, FarOptions, Header, Init, KeyFrame, Knobs, NearOptions, encode_far, encode_init,
@@ -36,6 +38,7 @@ pub(crate) struct Memory {
     layers: [u32; 4 * LAYER],
     picture: [[u8; 4]; LAYER],
     strip: [u32; 4 * LAYER],
+    planes: [f32; 2 * scratch_len(W, H)],
     far: FarField<1280>,
     grid: FarMap<64, 32>,
     fine: FarMap<128, 64>,
@@ -54,6 +57,7 @@ impl Memory {
         layers: [0; 4 * LAYER],
         picture: [[0; 4]; LAYER],
         strip: [0; 4 * LAYER],
+        planes: [0.0; 2 * scratch_len(W, H)],
         far: FarField::ZERO,
         grid: FarMap::new(),
         fine: FarMap::new(),
@@ -89,7 +93,7 @@ fn lend<'m>(
 }
 
 fn session(at: &MapFrame, frame: &DepthFrame<'_>, metres: &DepthFrame<'_, f32>, memory: &mut Memory) -> Option<usize> {
-    let Memory { depth, colour, layers, picture, strip, far, grid, seen, bright, packed, map, .. } = memory;
+    let Memory { depth, colour, layers, picture, strip, planes, far, grid, seen, bright, packed, map, .. } = memory;
     let near = lend(depth, colour, layers, picture, strip)?;
     let mut session = Session::new(*at, near, far, grid).with_sampling(black_box(FarSampling {
         columns: 7,
@@ -105,6 +109,12 @@ fn session(at: &MapFrame, frame: &DepthFrame<'_>, metres: &DepthFrame<'_, f32>, 
     session.set_ambient(black_box([0.1; 3]));
     black_box(session.draw(&mut ImageViewMut::new(bright, width, height).ok()?));
     black_box(session.correct(black_box(0), frame.pose_or_identity()));
+    let mut registration = Registration::<2>::new(planes, black_box(RegistrationParams::default()));
+    black_box(session.prepare(&mut registration, &DepthNoise::KINECT).is_ok());
+    black_box(registration.set(black_box(1), metres, &DepthNoise::NONE).is_ok());
+    black_box((registration.set_pose(black_box(1), frame.pose_or_identity()), registration.start(black_box(&[0])).is_ok()));
+    black_box(registration.step(black_box(1000)));
+    black_box((session.adopt(&registration), registration.report(black_box(1)).map(|r| r.unknown_directions().len())));
     black_box(session.draw_all(&mut ImageViewMut::new(packed, width, height).ok()?));
     session.move_to(MapFrame::at(black_box(Vec3::X)));
     black_box(session.draw(&mut ImageViewMut::new(map, width, height).ok()?));
