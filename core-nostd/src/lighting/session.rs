@@ -17,8 +17,9 @@ use super::far::{FarField, FarReport};
 use super::near::{NearError, NearField, NearReport};
 use super::registration::{Outcome, Registration, RegistrationError};
 use crate::ground::colour::Colour;
-use crate::ground::image::ImageViewMut;
-use crate::sensing::camera::Pose;
+use crate::ground::image::{ImageView, ImageViewMut};
+use crate::ground::units::Timestamp;
+use crate::sensing::camera::{Intrinsics, Pose};
 use crate::sensing::depth::DepthSample;
 use crate::sensing::depth::noise::DepthNoise;
 use crate::sensing::frame::DepthFrame;
@@ -165,15 +166,34 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
     /// # Errors
     /// [`LightError`] for a frame without colour or pose; nothing is changed.
     pub fn observe<D: DepthSample>(&mut self, frame: &DepthFrame<'_, D>, id: u32) -> Result<Observed, LightError> {
-        let near = if self.sees(frame) {
-            let report = self.near.insert(frame, id, &self.map).map_err(LightError::Near)?;
-            self.moved = true;
-            Some(report)
-        } else {
-            None
-        };
+        let near = if self.sees(frame) { Some(self.observe_near(frame, id)?) } else { None };
         let far = self.far.add_frame(frame, &self.map, &self.sampling).map_err(LightError::Far)?;
         Ok(Observed { near, far })
+    }
+
+    /// Takes a frame as a near view alone: what a near key frame holds, of which only pixels within the boundary have their colour.
+    ///
+    /// # Errors
+    /// As [`Self::observe`].
+    pub fn observe_near<D: DepthSample>(
+        &mut self,
+        frame: &DepthFrame<'_, D>,
+        id: u32,
+    ) -> Result<NearReport, LightError> {
+        let report = self.near.insert(frame, id, &self.map).map_err(LightError::Near)?;
+        self.moved = true;
+        Ok(report)
+    }
+
+    /// Takes a small picture as light from afar: what a far key frame holds. `intrinsics` are the picture's; of the camera's pose only the rotation counts.
+    pub fn observe_far<C: Colour>(
+        &mut self,
+        picture: ImageView<'_, C>,
+        intrinsics: &Intrinsics,
+        camera: &Pose,
+        time: Timestamp,
+    ) -> FarReport {
+        self.far.add_image(picture, intrinsics, camera, &self.map, time)
     }
 
     /// A new reading of the ambient light.
