@@ -1,6 +1,7 @@
 //! One file a command: ask the core, tell people or machines.
 
 pub(crate) mod bench;
+pub(crate) mod envmap;
 pub(crate) mod completions;
 pub(crate) mod find_place;
 pub(crate) mod hit;
@@ -10,6 +11,7 @@ pub(crate) mod normals;
 pub(crate) mod path;
 pub(crate) mod place;
 pub(crate) mod points;
+pub(crate) mod probe;
 pub(crate) mod raycast;
 pub(crate) mod run;
 pub(crate) mod sim;
