@@ -1130,5 +1130,5 @@ isobath_status isobath_set_noise(struct isobath_context *context,
      ISOBATH_LEVEL_(w, h, 64) + ISOBATH_LEVEL_(w, h, 128) + ISOBATH_LEVEL_(w, h, 256) + ISOBATH_LEVEL_(w, h, 512) + \
      ISOBATH_LEVEL_(w, h, 1024) + ISOBATH_LEVEL_(w, h, 2048) + ISOBATH_LEVEL_(w, h, 4096) + ISOBATH_LEVEL_(w, h, 8192))
 #define ISOBATH_CONTEXT_BYTES(w, h, columns, rows) \
-    ((ISOBATH_HEADER_BYTES + 40 * (size_t)(columns) * (size_t)(rows) + 2 * (size_t)(w) * (size_t)(h) + \
+    ((ISOBATH_HEADER_BYTES + 24 * (size_t)(columns) * (size_t)(rows) + 2 * (size_t)(w) * (size_t)(h) + \
       6 * ISOBATH_PYRAMID_(w, h) + 7) / 8 * 8)

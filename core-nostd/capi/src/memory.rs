@@ -1,10 +1,10 @@
 //! Where what lies in a context's block:
 //!
 //! ```text
-//! header | height cells (20 bytes each) | planner nodes (20) | depth (2 a pixel) | pyramid (6 a tile)
+//! header | height cells (16 bytes each) | planner nodes (8) | depth (2 a pixel) | pyramid (6 a tile)
 //! ```
 //!
-//! 160 x 120 with a map of 64 x 64 cells takes 212,064 bytes (48,224 without the map); a test holds these figures and the header's
+//! 160 x 120 with a map of 64 x 64 cells takes 146,528 bytes (48,224 without the map); a test holds these figures and the header's
 //! macro `ISOBATH_CONTEXT_BYTES`, which says the same at compile time.
 
 use core::mem::{align_of, size_of};
@@ -29,8 +29,8 @@ pub const ISOBATH_HEADER_BYTES: usize = 168;
 
 const _: () = assert!(size_of::<Header>() == ISOBATH_HEADER_BYTES, "the header's macro counts on this size");
 const _: () = assert!(align_of::<Header>() <= ISOBATH_ALIGNMENT, "the block's alignment is the header's");
-const _: () = assert!(size_of::<HeightCell>() == 20 && align_of::<HeightCell>() == 4, "the macro counts 20 bytes");
-const _: () = assert!(size_of::<Node>() == 20 && align_of::<Node>() == 4, "the macro counts 20 bytes");
+const _: () = assert!(size_of::<HeightCell>() == 16 && align_of::<HeightCell>() == 4, "the macro counts 16 bytes");
+const _: () = assert!(size_of::<Node>() == 8 && align_of::<Node>() == 4, "the macro counts 8 bytes");
 const _: () = assert!(size_of::<Cell<u16>>() == 6 && align_of::<Cell<u16>>() == 2, "the macro counts 6 bytes");
 
 /// Offsets from the block's start, bytes, and numbers of elements. Every part follows one of no smaller alignment.

@@ -95,16 +95,29 @@ impl<'a> Over<'a> {
         let blended = far.blended(y, self.map.1);
         let width = self.map.0;
         let Some(to) = out.row_mut(y).get_mut(columns.clone()) else { return };
-        let mut to = to.iter_mut();
         if self.taps == 1 && self.picture.width() == width {
             let over = self.picture.row(self.row_of(y, 0)).get(columns.clone()).unwrap_or_default();
-            let mut over = over.iter();
-            far.columns(&blended, columns, width, |_, light| {
-                let (Some(to), Some(over)) = (to.next(), over.next()) else { return };
-                *to = C::of_linear(lay(*over, light));
-            });
+            // Where nothing shines through, what is behind need not be known.
+            let mut x = 0;
+            while x < over.len() {
+                let whole = over.iter().skip(x).take_while(|p| p[3] == 255).count();
+                let (Some(now), Some(from)) = (to.get_mut(x..x + whole), over.get(x..x + whole)) else { break };
+                for (to, [r, g, b, _]) in now.iter_mut().zip(from) {
+                    *to = C::of_linear([*r, *g, *b].linear());
+                }
+                x += whole;
+                let rest = over.iter().skip(x).take_while(|p| p[3] != 255).count();
+                let mut pixels = to.iter_mut().zip(over).skip(x).take(rest);
+                far.columns(&blended, columns.start + x..columns.start + x + rest, width, |_, light| {
+                    if let Some((to, over)) = pixels.next() {
+                        *to = C::of_linear(lay(*over, light));
+                    }
+                });
+                x += rest;
+            }
             return;
         }
+        let mut to = to.iter_mut();
         far.columns(&blended, columns, width, |x, light| {
             let Some(to) = to.next() else { return };
             let (mut sum, mut cover) = ([0.0_f32; 3], 0.0_f32);

@@ -98,7 +98,7 @@ impl Preset {
         self.map.0.saturating_mul(self.map.1)
     }
 
-    /// Elements of scratch for merging: a strip as high as the coarsest level's pixel, of all levels.
+    /// Elements of scratch for merging: a strip as high as the coarsest level's pixel, of all levels, two for each pixel.
     #[must_use]
     pub const fn strip(&self) -> usize {
         let [finest, second, third, fourth] = self.levels;
@@ -115,10 +115,10 @@ impl Preset {
             return 0;
         }
         // Width times rows in the strip, level by level.
-        finest * (finest / coarsest)
+        2 * (finest * (finest / coarsest)
             + second * (second / coarsest)
             + third * (third / coarsest)
-            + fourth * (fourth / coarsest)
+            + fourth * (fourth / coarsest))
     }
 
     /// Whether the sizes fit together.
@@ -162,7 +162,7 @@ mod tests {
         for p in [Preset::TINY, Preset::LOW, Preset::MEDIUM, Preset::HIGH] {
             p.check().unwrap();
         }
-        assert_eq!(Preset::LOW.strip(), 512 * 8 + 256 * 4 + 64);
+        assert_eq!(Preset::LOW.strip(), 2 * (512 * 8 + 256 * 4 + 64));
         assert_eq!(Preset { views: 9, ..Preset::LOW }.check(), Err(PresetError::Views(9)));
         assert_eq!(Preset { view: (2048, 1024), ..Preset::LOW }.check(), Err(PresetError::View((2048, 1024))));
         let bad = [[0, 0, 0, 0], [512, 300, 0, 0], [512, 0, 64, 0], [511, 0, 0, 0], [usize::MAX - 1, 2, 0, 0]];

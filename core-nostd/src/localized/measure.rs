@@ -11,8 +11,10 @@ use core::fmt;
 
 use glam::{Vec2, Vec3};
 
+use crate::ground::geometry::unit;
 use crate::ground::math;
-use crate::localized::plane::{PlaneError, PlaneEstimate, PlaneSum};
+use crate::localized::plane::local::LocalSum;
+use crate::localized::plane::{PlaneError, PlaneEstimate};
 use crate::sensing::depth::DepthSample;
 use crate::sensing::depth::noise::DepthNoise;
 use crate::sensing::frame::DepthFrame;
@@ -201,18 +203,21 @@ pub fn patch<D: DepthSample>(
     // All in the camera's frame, moved to the world at the end: world points far from the origin are rounded.
     let side = -frame.point(x, y).ok_or(PatchError::NoDepth)?;
     let near = |z: f32| (z - z0).abs() <= params.max_jump * z0;
-    let mut sum = PlaneSum::new();
+    let mut sum = LocalSum::new(unit(side).ok_or(PatchError::NoDepth)?);
     for (i, j) in pixels().filter(|&(i, j)| near(frame.z(i, j))) {
-        frame.point(i, j).map(|p| sum.add(p));
+        if let Some(p) = frame.point(i, j) {
+            sum.add(p);
+        }
     }
     let rough = sum.fit(side).map_err(PatchError::NoPlane)?;
     // Never narrower than the depth's own step, or a flat, quantised patch would lose half its points.
     let band = (3.0 * rough.rms).max(frame.unit().metres()).max(1e-5 * z0);
-    let mut sum = PlaneSum::new();
+    let mut sum = LocalSum::new(rough.plane.normal());
     let (mut expected, mut used) = (0.0, 0.0);
     for (i, j) in pixels().filter(|&(i, j)| near(frame.z(i, j))) {
         let Some(m) = in_camera(frame, i, j, noise) else { continue };
-        if rough.plane.distance(m.point).abs() <= band && sum.add(m.point) {
+        if rough.plane.distance(m.point).abs() <= band {
+            sum.add(m.point);
             let off = rough.plane.normal().dot(m.ray) * m.sigma;
             expected += off * off;
             used += 1.0;

@@ -331,7 +331,7 @@ fn floors() -> Vec<Row> {
             "estimate_ground, height, 10 km",
             "the same",
             "µm",
-            4.0,
+            3.5,
             "the tilt above over the centre's distance aside, up to 3 m, and the turn of the anchor over 4 m.",
         ),
     ]

@@ -1,30 +1,65 @@
 //! Layers and levels into the picture (LitAR 4.4.1, multi-resolution projection).
 //!
-//! The paper projects all points once for each level, scales the levels to the finest and takes the nearest point of each pixel. Levels that divide one another
-//! make that one projection and minima: a coarse pixel's nearest point is the nearest of the fine pixels in it. Strip by strip, as high as a coarsest pixel.
+//! The paper projects all points once for each level, scales the levels to the finest and takes the nearest point of each pixel. Levels that divide one
+//! another make that one projection and minima: a coarse pixel's nearest point is the nearest of the fine pixels in it. Strip by strip, as high as a
+//! coarsest pixel; a point is a layer's cell and, in a slice of its own so that loops over either are vectorised, the view whose layer it is.
 
-use super::{NOWHERE, NearField, project, seam};
-use crate::lighting::preset::MOST_LEVELS;
-
-/// The nearest point of a pixel: a layer's cell, and the view whose layer it is.
-type Point = (u32, u8);
-const NONE: Point = (project::EMPTY, 0);
+use super::project::EMPTY;
+use super::{NOWHERE, NearField, seam};
+use crate::ground::lanes::vectorised;
+use crate::lighting::preset::{MOST_LEVELS, Preset};
 
 /// A level's part of a strip.
 #[derive(Clone, Copy, Default)]
 struct Part {
-    /// Where it begins in the scratch.
+    /// Where it begins in either half of the scratch.
     start: usize,
     width: usize,
     rows: usize,
+}
+
+/// The parts of a strip, finest first.
+struct Parts {
+    list: [Part; MOST_LEVELS],
+    count: usize,
+}
+
+impl Parts {
+    fn of(preset: &Preset) -> Self {
+        let count = preset.levels.iter().take_while(|w| **w > 0).count();
+        let coarsest = preset.levels.get(count.saturating_sub(1)).copied().unwrap_or(1).max(1);
+        let mut start = 0;
+        let list = preset.levels.map(|width| {
+            let part = Part { start, width, rows: width / coarsest };
+            start += part.width * part.rows;
+            part
+        });
+        Self { list, count }
+    }
+
+    fn finest(&self) -> Part {
+        self.list.first().copied().unwrap_or_default()
+    }
+
+    /// A level and the finer one before it.
+    fn pair(&self, level: usize) -> Option<(Part, Part)> {
+        Some((*self.list.get(level.checked_sub(1)?)?, *self.list.get(level)?))
+    }
+}
+
+/// One half of the scratch, cut at two levels.
+fn cut(half: &mut [u32], fine: Part, coarse: Part) -> (&mut [u32], &mut [u32]) {
+    let (before, after) = half.split_at_mut_checked(coarse.start).unwrap_or_default();
+    let coarse = after.get_mut(..coarse.width * coarse.rows).unwrap_or_default();
+    (before.get_mut(fine.start..).unwrap_or_default(), coarse)
 }
 
 impl NearField<'_> {
     /// Makes the picture from the layers as they are. The rows that may differ from before, first and one past the last.
     pub fn merge(&mut self) -> (usize, usize) {
         let (width, height) = self.preset.finest();
-        let (parts, count) = self.parts();
-        let rows = parts.first().map_or(0, |p| p.rows).max(1);
+        let parts = Parts::of(&self.preset);
+        let rows = parts.finest().rows.max(1);
         let (first, last) = self.spans.iter().fold(NOWHERE, |a, s| (a.0.min(s.0), a.1.max(s.1)));
         // Whole strips around what there is; and what there was must go.
         let strips = if first > last { (0, 0) } else { (first / width / rows, last / width / rows + 1) };
@@ -40,133 +75,147 @@ impl NearField<'_> {
                 row.fill([0; 4]);
             }
         }
+        let bits = self.pixel_bits();
+        // No distance is above what is left of a cell's bits: beyond it the margin lets nothing through.
+        let farther = 1.0 + self.params.margin;
         for strip in strips.0..strips.1 {
-            self.gather(strip, &parts, width);
-            for level in 1..count {
-                self.reduce(&parts, level);
+            let points = parts.finest().width * parts.finest().rows;
+            self.gather(strip * points, points);
+            let half = self.memory.strip.len() / 2;
+            let Some((keys, views)) = self.memory.strip.split_at_mut_checked(half) else { continue };
+            for (fine, coarse) in (1..parts.count).filter_map(|level| parts.pair(level)) {
+                reduce(cut(keys, fine, coarse), cut(views, fine, coarse), fine.width, coarse.width);
             }
-            for level in (1..count).rev() {
-                self.resolve(&parts, level);
+            for (fine, coarse) in (1..parts.count).rev().filter_map(|level| parts.pair(level)) {
+                resolve(cut(keys, fine, coarse), cut(views, fine, coarse), fine.width, coarse.width, bits, farther);
             }
-            self.paint(strip, &parts, width);
+            self.paint(strip * points, points);
         }
         let picture = self.memory.picture.get_mut(..width * height).unwrap_or_default();
         seam::fade(picture, width, drawn, self.params.seam);
         changed
     }
 
-    fn parts(&self) -> ([Part; MOST_LEVELS], usize) {
-        let levels = self.preset.levels;
-        let count = levels.iter().take_while(|w| **w > 0).count();
-        let coarsest = levels.get(count.saturating_sub(1)).copied().unwrap_or(1).max(1);
-        let mut start = 0;
-        let parts = levels.map(|width| {
-            let part = Part { start, width, rows: width / coarsest };
-            start += part.width * part.rows;
-            part
-        });
-        (parts, count)
-    }
-
-    /// The nearest of all layers, for the finest level's part of a strip.
-    fn gather(&mut self, strip: usize, parts: &[Part; MOST_LEVELS], width: usize) {
-        let [finest, ..] = *parts;
-        let n = finest.width * finest.rows;
-        let Some(points) = self.memory.strip.get_mut(..n) else { return };
-        points.fill(NONE);
-        let (from, pixels) = (strip * n, self.preset.level_pixels());
-        let _ = width;
+    /// The nearest of all layers, for some pixels of the finest level.
+    fn gather(&mut self, from: usize, points: usize) {
+        let half = self.memory.strip.len() / 2;
+        let Some((keys, views)) = self.memory.strip.split_at_mut_checked(half) else { return };
+        let (keys, views) = (keys.get_mut(..points).unwrap_or_default(), views.get_mut(..points).unwrap_or_default());
+        keys.fill(EMPTY);
+        views.fill(0);
+        let pixels = self.preset.level_pixels();
         for (slot, span) in self.spans.iter().enumerate() {
-            if span.0 >= from + n || span.1 < from {
+            if span.0 >= from + points || span.1 < from {
                 continue;
             }
-            let cells = self.memory.layers.get(slot * pixels..(slot + 1) * pixels).unwrap_or_default();
-            for (point, cell) in points.iter_mut().zip(cells.get(from..).unwrap_or_default()) {
-                if *cell < point.0 {
-                    *point = (*cell, slot as u8);
+            let layer = self.memory.layers.get(slot * pixels + from..(slot + 1) * pixels).unwrap_or_default();
+            vectorised(|| {
+                for ((key, view), cell) in keys.iter_mut().zip(views.iter_mut()).zip(layer) {
+                    let nearer = *cell < *key;
+                    *key = if nearer { *cell } else { *key };
+                    *view = if nearer { slot as u32 } else { *view };
                 }
-            }
-        }
-    }
-
-    /// A level's pixels from those of the finer one.
-    fn reduce(&mut self, parts: &[Part; MOST_LEVELS], level: usize) {
-        let Some((&[fine, coarse], scratch)) =
-            parts.get(level - 1..).and_then(|p| p.first_chunk()).zip(Some(&mut *self.memory.strip))
-        else {
-            return;
-        };
-        let Some((fine_points, rest)) =
-            scratch.get_mut(fine.start..).and_then(|s| s.split_at_mut_checked(coarse.start - fine.start))
-        else {
-            return;
-        };
-        let ratio = fine.width / coarse.width;
-        let coarse_rows = rest.chunks_mut(coarse.width).take(coarse.rows);
-        for (row, fine_rows) in coarse_rows.zip(fine_points.chunks(fine.width * ratio)) {
-            row.fill(NONE);
-            for fine_row in fine_rows.chunks(fine.width) {
-                for (point, block) in row.iter_mut().zip(fine_row.chunks(ratio)) {
-                    for p in block {
-                        if p.0 < point.0 {
-                            *point = *p;
-                        }
-                    }
-                }
-            }
-        }
-    }
-
-    /// A level's points before the finer level's, where those are none or farther by the margin.
-    fn resolve(&mut self, parts: &[Part; MOST_LEVELS], level: usize) {
-        let Some((&[fine, coarse], scratch)) =
-            parts.get(level - 1..).and_then(|p| p.first_chunk()).zip(Some(&mut *self.memory.strip))
-        else {
-            return;
-        };
-        let Some((fine_points, rest)) =
-            scratch.get_mut(fine.start..).and_then(|s| s.split_at_mut_checked(coarse.start - fine.start))
-        else {
-            return;
-        };
-        let bits = usize::BITS - (self.preset.view_pixels() - 1).leading_zeros();
-        let farther = 1.0 + self.params.margin;
-        let ratio = fine.width / coarse.width;
-        let fine_rows = fine_points.chunks_mut(fine.width * ratio).take(coarse.rows);
-        for (fine_rows, row) in fine_rows.zip(rest.chunks(coarse.width)) {
-            for fine_row in fine_rows.chunks_mut(fine.width) {
-                for (block, above) in fine_row.chunks_mut(ratio).zip(row) {
-                    if above.0 == project::EMPTY {
-                        continue;
-                    }
-                    // In steps of distance; what is nearer than this stays.
-                    let limit = ((above.0 >> bits) as f32 * farther) as u32;
-                    for point in block {
-                        if point.0 == project::EMPTY || point.0 >> bits > limit {
-                            *point = *above;
-                        }
-                    }
-                }
-            }
+            });
         }
     }
 
     /// Colours of the finest level's points.
-    fn paint(&mut self, strip: usize, parts: &[Part; MOST_LEVELS], width: usize) {
-        let [finest, ..] = *parts;
-        let (n, pixels) = (finest.width * finest.rows, self.preset.view_pixels());
-        let mask = (1_u32 << (usize::BITS - (pixels - 1).leading_zeros())) - 1;
-        let points = self.memory.strip.get(..n).unwrap_or_default();
-        let _ = width;
-        let picture = self.memory.picture.get_mut(strip * n..).unwrap_or_default();
-        for (out, (cell, slot)) in picture.iter_mut().zip(points) {
-            *out = if *cell == project::EMPTY {
+    fn paint(&mut self, from: usize, points: usize) {
+        let pixels = self.preset.view_pixels();
+        let mask = (1_u32 << self.pixel_bits()) - 1;
+        let half = self.memory.strip.len() / 2;
+        let (keys, views) = self.memory.strip.split_at_checked(half).unwrap_or_default();
+        let picture = self.memory.picture.get_mut(from..).unwrap_or_default();
+        for (out, (key, view)) in picture.iter_mut().zip(keys.iter().zip(views)).take(points) {
+            *out = if *key == EMPTY {
                 [0; 4]
             } else {
-                let at = usize::from(*slot) * pixels + (cell & mask) as usize;
+                let at = *view as usize * pixels + (key & mask) as usize;
                 let [r, g, b] = self.memory.colour.get(at).copied().unwrap_or_default();
                 [r, g, b, 255]
             };
+        }
+    }
+}
+
+/// A level's points from those of the finer one: `keys` and `views` of both, finer first.
+fn reduce(keys: (&mut [u32], &mut [u32]), views: (&mut [u32], &mut [u32]), fine: usize, coarse: usize) {
+    match fine / coarse.max(1) {
+        2 => reduce_by::<2>(keys, views, fine, coarse),
+        3 => reduce_by::<3>(keys, views, fine, coarse),
+        4 => reduce_by::<4>(keys, views, fine, coarse),
+        ratio => {
+            let (ratio, (fine_keys, keys), (fine_views, views)) = (ratio.max(1), keys, views);
+            let blocks = fine_keys.chunks(fine * ratio).zip(fine_views.chunks(fine * ratio));
+            for ((keys, views), (fine_keys, fine_views)) in
+                keys.chunks_mut(coarse).zip(views.chunks_mut(coarse)).zip(blocks)
+            {
+                keys.fill(EMPTY);
+                for (fine_keys, fine_views) in fine_keys.chunks(fine).zip(fine_views.chunks(fine)) {
+                    let blocks = fine_keys.chunks(ratio).zip(fine_views.chunks(ratio));
+                    for ((key, view), (keys, views)) in keys.iter_mut().zip(views.iter_mut()).zip(blocks) {
+                        nearest(key, view, keys, views);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn reduce_by<const RATIO: usize>(
+    (fine_keys, keys): (&mut [u32], &mut [u32]),
+    (fine_views, views): (&mut [u32], &mut [u32]),
+    fine: usize,
+    coarse: usize,
+) {
+    let blocks = fine_keys.chunks(fine * RATIO).zip(fine_views.chunks(fine * RATIO));
+    for ((keys, views), (fine_keys, fine_views)) in keys.chunks_mut(coarse).zip(views.chunks_mut(coarse)).zip(blocks) {
+        keys.fill(EMPTY);
+        for (fine_keys, fine_views) in fine_keys.chunks(fine).zip(fine_views.chunks(fine)) {
+            let blocks = fine_keys.as_chunks::<RATIO>().0.iter().zip(fine_views.as_chunks::<RATIO>().0);
+            for ((key, view), (keys, views)) in keys.iter_mut().zip(views.iter_mut()).zip(blocks) {
+                nearest(key, view, keys, views);
+            }
+        }
+    }
+}
+
+/// The nearest of some points and the one held; of two as near, the one that is first.
+#[inline(always)]
+fn nearest(key: &mut u32, view: &mut u32, keys: &[u32], views: &[u32]) {
+    for (k, v) in keys.iter().zip(views) {
+        let nearer = *k < *key;
+        *key = if nearer { *k } else { *key };
+        *view = if nearer { *v } else { *view };
+    }
+}
+
+/// A level's points before the finer level's, where those are none or farther by the margin.
+fn resolve(
+    (fine_keys, keys): (&mut [u32], &mut [u32]),
+    (fine_views, views): (&mut [u32], &mut [u32]),
+    fine: usize,
+    coarse: usize,
+    bits: u32,
+    farther: f32,
+) {
+    let ratio = (fine / coarse.max(1)).max(1);
+    let blocks = fine_keys.chunks_mut(fine * ratio).zip(fine_views.chunks_mut(fine * ratio));
+    for ((fine_keys, fine_views), (keys, views)) in blocks.zip(keys.chunks(coarse).zip(views.chunks(coarse))) {
+        for (fine_keys, fine_views) in fine_keys.chunks_mut(fine).zip(fine_views.chunks_mut(fine)) {
+            let blocks = fine_keys.chunks_mut(ratio).zip(fine_views.chunks_mut(ratio));
+            for ((fine_keys, fine_views), (key, view)) in blocks.zip(keys.iter().zip(views)) {
+                if *key == EMPTY {
+                    continue;
+                }
+                // In steps of distance; what is nearer than this stays.
+                let limit = ((key >> bits) as f32 * farther) as u32;
+                for (fine_key, fine_view) in fine_keys.iter_mut().zip(fine_views) {
+                    if *fine_key == EMPTY || *fine_key >> bits > limit {
+                        (*fine_key, *fine_view) = (*key, *view);
+                    }
+                }
+            }
         }
     }
 }

@@ -36,7 +36,7 @@ pub struct NearParams {
     pub confidence: u8,
     /// A coarser level's point is put before a finer level's only when it is nearer by this part of its distance: it closes gaps through which
     /// the background shows. 0 is the paper's rule, which lets every difference in distance through and so brings all down to the coarsest level's
-    /// resolution. Default 0.1.
+    /// resolution. Default 0.5.
     pub margin: f32,
     /// Pixels of the finest level over which coverage fades towards its border; 0 is a hard edge. At most 255. Default 3.
     pub seam: u8,
@@ -44,7 +44,7 @@ pub struct NearParams {
 
 impl Default for NearParams {
     fn default() -> Self {
-        Self { half_side: 1.0, confidence: 128, margin: 0.1, seam: 3 }
+        Self { half_side: 1.0, confidence: 128, margin: 0.5, seam: 3 }
     }
 }
 
@@ -65,7 +65,7 @@ pub struct NearMemory<'m> {
     /// `level_pixels`.
     pub picture: &'m mut [[u8; 4]],
     /// `strip`.
-    pub strip: &'m mut [(u32, u8)],
+    pub strip: &'m mut [u32],
 }
 
 /// The memory of a near field, owned: for statics, with the lengths of [`NearMemory`] as capacities.
@@ -75,7 +75,7 @@ pub struct NearStorage<const POINTS: usize, const LAYERS: usize, const PICTURE: 
     colour: [[u8; 3]; POINTS],
     layers: [u32; LAYERS],
     picture: [[u8; 4]; PICTURE],
-    strip: [(u32, u8); STRIP],
+    strip: [u32; STRIP],
 }
 
 impl<const POINTS: usize, const LAYERS: usize, const PICTURE: usize, const STRIP: usize> Default
@@ -97,7 +97,7 @@ impl<const POINTS: usize, const LAYERS: usize, const PICTURE: usize, const STRIP
             colour: [[0; 3]; POINTS],
             layers: [0; LAYERS],
             picture: [[0; 4]; PICTURE],
-            strip: [(0, 0); STRIP],
+            strip: [0; STRIP],
         }
     }
 

@@ -2,37 +2,53 @@
 //!
 //! Coverage becomes the distance to the nearest uncovered pixel along rows and columns (chamfer distance, two passes in place), in parts of the seam's width.
 
-/// Fades coverage over `seam` pixels within the rows `rows` of a picture; columns close to a ring.
+/// Fades coverage over `seam` pixels within the rows `rows` of a picture, around which there is none; columns close to a ring, and beyond the
+/// poles there is nothing to fade towards.
 pub(super) fn fade(picture: &mut [[u8; 4]], width: usize, rows: (usize, usize), seam: u8) {
     if seam == 0 || width == 0 {
         return;
     }
     let step = (255 / u16::from(seam)).max(1) as u8;
+    let height = picture.len() / width;
     let pixels = picture.get_mut(rows.0 * width..rows.1 * width).unwrap_or_default();
     let n = pixels.len() / width;
-    // Beyond the first and the last row there is nothing, unless they are the poles.
-    let whole = rows.0 == 0;
     for y in 0..n {
         let (above, row) = pixels.split_at_mut(y * width);
         let above = above.get(y.saturating_sub(1) * width..).unwrap_or_default();
         let row = row.get_mut(..width).unwrap_or_default();
         if y > 0 {
-            for (p, a) in row.iter_mut().zip(above) {
-                p[3] = p[3].min(a[3].saturating_add(step));
-            }
-        } else if !whole {
-            for p in row.iter_mut() {
-                p[3] = p[3].min(step);
-            }
+            across(row, above, step);
+        } else if rows.0 > 0 {
+            border(row, step);
         }
         along(row, step, seam);
     }
-    for y in (0..n.saturating_sub(1)).rev() {
+    for y in (0..n).rev() {
         let (rest, below) = pixels.split_at_mut((y + 1) * width);
         let row = rest.get_mut(y * width..).unwrap_or_default();
-        for (p, b) in row.iter_mut().zip(below.iter()) {
-            p[3] = p[3].min(b[3].saturating_add(step));
+        if y + 1 < n {
+            across(row, below, step);
+        } else if rows.1 < height {
+            border(row, step);
         }
+    }
+}
+
+/// No more than one step above the row beside.
+fn across(row: &mut [[u8; 4]], beside: &[[u8; 4]], step: u8) {
+    // Four bytes as one number: coverage is its upper byte, and compares as it does.
+    for (p, b) in row.iter_mut().zip(beside) {
+        let (own, other) = (u32::from_le_bytes(*p), u32::from_le_bytes(*b) >> 24);
+        let most = (other + u32::from(step)).min(255);
+        let cover = (own >> 24).min(most);
+        *p = (own & 0x00ff_ffff | cover << 24).to_le_bytes();
+    }
+}
+
+/// Beside a row without coverage.
+fn border(row: &mut [[u8; 4]], step: u8) {
+    for [.., cover] in row {
+        *cover = (*cover).min(step);
     }
 }
 

@@ -102,13 +102,10 @@ impl View {
         let rows = depth.chunks_mut(self.width).zip(colour.chunks_mut(self.width));
         for (y, (depth, colour)) in rows.enumerate() {
             if copied {
-                let from = frame.depth().row(y);
-                for (to, from) in depth.iter_mut().zip(from) {
-                    *to = self.steps(*from, frame.unit());
-                }
+                D::row_in_steps(frame.depth().row(y), frame.unit(), self.unit, depth);
             } else {
                 for (x, to) in depth.iter_mut().enumerate() {
-                    *to = self.steps(depth_at(frame, self.in_frame(x, y)), frame.unit());
+                    *to = depth_at(frame, self.in_frame(x, y)).in_steps(frame.unit(), self.unit);
                 }
             }
             if let Some(confidence) = frame.confidence() {
@@ -121,10 +118,9 @@ impl View {
                 }
             }
             points += depth.iter().filter(|d| **d != 0).count();
-            if copied && source.size() == frame.size() {
-                for (to, from) in colour.iter_mut().zip(source.row(y)) {
-                    *to = *from;
-                }
+            let row = source.row(y);
+            if copied && source.size() == frame.size() && row.len() == colour.len() {
+                colour.copy_from_slice(row);
             } else {
                 for (x, to) in colour.iter_mut().enumerate() {
                     *to = self.colour_of(&source, &crop, x, y);
@@ -137,17 +133,6 @@ impl View {
     /// A pixel's place in the frame's depth image.
     fn in_frame(&self, x: usize, y: usize) -> Vec2 {
         (Vec2::new(x as f32, y as f32) + 0.5) / self.scale - 0.5
-    }
-
-    /// A frame's depth in this view's steps; 0 for holes.
-    #[inline(always)]
-    fn steps<D: DepthSample>(&self, value: D, unit: DepthUnit) -> u16 {
-        // Of `u16` frames the unit is the same, and the value too.
-        if D::ROUNDING > 0.0 {
-            if value.is_valid() { value.number() as u16 } else { 0 }
-        } else {
-            u16::from_metres(value.metres(unit), self.unit)
-        }
     }
 
     /// Mean colour of what a pixel covers.

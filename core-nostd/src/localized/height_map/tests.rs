@@ -87,7 +87,7 @@ fn ceilings_do_not_block_in_either_order() {
     for order in [[0.0, 0.1, 2.4], [2.4, 0.0, 0.1], [0.1, 2.4, 0.0]] {
         let mut cell = HeightCell::UNKNOWN;
         for h in order {
-            cell.take(h, &p);
+            cell.take(h, &p, 50.0);
         }
         assert_eq!((cell.min, cell.max), (0.0, 0.1), "{order:?}");
     }
@@ -106,12 +106,12 @@ fn change_and_fading_leave_marks() {
         map.integrate(&DepthFrame::new(view, DepthUnit::MILLIMETRE, k).with_pose(pose)).generation
     };
     let first = see(&mut map, &data);
-    assert!(map.cells().iter().all(|c| c.is_known() && c.changed == first));
+    assert!(map.cells().iter().all(|c| c.is_known() && u32::from(c.changed) == first));
     let second = see(&mut map, &data);
-    assert!(map.cells().iter().all(|c| c.changed < second), "the same again changes nothing");
+    assert!(map.cells().iter().all(|c| u32::from(c.changed) < second), "the same again changes nothing");
     data[24 * 64 + 32] = 1500;
     let third = see(&mut map, &data);
-    assert_eq!(map.cells().iter().filter(|c| c.changed == third).count(), 1);
+    assert_eq!(map.cells().iter().filter(|c| u32::from(c.changed) == third).count(), 1);
     for _ in 0..10 {
         map.fade();
     }
@@ -140,7 +140,7 @@ fn a_restarted_map_knows_nothing_and_lies_elsewhere() {
     let before = map.generation();
     map.restart(grid(0.2, 2, 3)).unwrap();
     assert_eq!(map.grid(), &grid(0.2, 2, 3));
-    assert!(map.cells().len() == 6 && map.cells().iter().all(|c| !c.is_known() && c.changed > before));
+    assert!(map.cells().len() == 6 && map.cells().iter().all(|c| !c.is_known() && u32::from(c.changed) > before));
     let e = map.restart(grid(0.1, 5, 3)).unwrap_err();
     assert_eq!(e, HeightMapError::CapacityExceeded { needed: 15, got: 12 });
     assert_eq!(map.grid(), &grid(0.2, 2, 3), "kept");
@@ -163,4 +163,46 @@ fn a_resumed_map_goes_on_where_it_was() {
     }
     assert_eq!(kept, resumed);
     assert!(HeightMap::resume(grid, &mut resumed[..10], params, 0).is_err());
+}
+
+/// Marks of 16 bits tell what the whole numbers would for as long as is promised, and never less than the truth after that.
+#[test]
+fn changes_outlive_their_sixteen_bits() {
+    let mut cells = [HeightCell::UNKNOWN; 6];
+    let mut map = HeightMap::new(grid(0.1, 3, 2), &mut cells, HeightMapParams::DEFAULT).unwrap();
+    let (mut truth, mut s) = ([0_u32; 6], 7_u32);
+    for turn in 0..300_000_u32 {
+        s ^= s << 13;
+        s ^= s >> 17;
+        s ^= s << 5;
+        // The first cell once, the second seldom, one never.
+        let i = if turn == 5 {
+            0
+        } else if s % 50_000 == 0 {
+            1
+        } else {
+            2 + s as usize % 3
+        };
+        assert!(map.set(i % 3, i / 3, turn as f32 * 1e-3, 0.0));
+        truth[i] = map.generation();
+        if turn % 97 > 0 && turn % EPOCH > 3 {
+            continue;
+        }
+        let now = map.generation();
+        for (i, &truth) in truth.iter().enumerate() {
+            let said = map.changed(i % 3, i / 3).unwrap();
+            if now - truth < EPOCH {
+                assert_eq!(said, truth);
+            } else {
+                assert!(said >= truth && now - said >= EPOCH, "{said} for {truth} at {now}");
+            }
+            for since in [0, truth.saturating_sub(1), truth, said, now - now.min(EPOCH), now - now.min(3 * EPOCH), now]
+            {
+                let any = map.any_changed(i / 3, i % 3..i % 3 + 1, since);
+                assert!(any || truth <= since, "a change is missed");
+                assert!(!any || truth > since || now - since > EPOCH, "none, and no reason to fear one");
+            }
+        }
+    }
+    assert_eq!(map.changed(3, 0), None);
 }

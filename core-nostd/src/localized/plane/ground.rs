@@ -17,7 +17,8 @@ use core::fmt;
 
 use glam::{Vec2, Vec3};
 
-use super::{PlaneEstimate, PlaneSum};
+use super::PlaneEstimate;
+use super::local::LocalSum;
 use crate::ground::geometry::{Plane, unit};
 use crate::ground::math;
 use crate::sensing::depth::DepthSample;
@@ -351,7 +352,7 @@ impl<'f, 'a, D: DepthSample> Sampler<'f, 'a, D> {
         let mut band = self.params.bin * (SIDE as f32 + 0.5);
         let mut fit = None;
         for _ in 0..3 {
-            let mut sum = PlaneSum::new();
+            let mut sum = LocalSum::new(plane.normal());
             for (x, y) in self.pixels() {
                 if let Some(p) = self.frame.point(x, y)
                     && plane.distance(p).abs() <= band

@@ -15,6 +15,7 @@
 
 mod eigen;
 pub mod ground;
+pub(crate) mod local;
 
 use core::fmt;
 
@@ -182,6 +183,11 @@ impl PlaneSum {
     /// # Errors
     /// [`PlaneError`] when there are fewer than three points or they lie on a line.
     pub fn fit(&self, side: Vec3) -> Result<PlaneEstimate, PlaneError> {
+        self.fit_wider(side, 1e-9)
+    }
+
+    /// Points whose second variance is not above this share of the largest lie on a line.
+    fn fit_wider(&self, side: Vec3, thin: f64) -> Result<PlaneEstimate, PlaneError> {
         if self.count < 3 {
             return Err(PlaneError::TooFew { got: self.count });
         }
@@ -198,7 +204,7 @@ impl PlaneSum {
         });
         // A line's second eigenvalue is rounding: of the points (f32, relative to their spread and place) or of the sums.
         let [rx, ry, rz] = self.reference.to_array().map(f64::from);
-        let rounding = 1e-9 * large.value + 1e-14 * (rx * rx + ry * ry + rz * rz);
+        let rounding = thin * large.value + 1e-14 * (rx * rx + ry * ry + rz * rz);
         if !(large.value > 0.0 && middle.value > rounding) {
             return Err(PlaneError::Collinear);
         }

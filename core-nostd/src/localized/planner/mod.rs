@@ -10,8 +10,8 @@
 //! 3. *String pulling*: corners are dropped while the straight line crosses free cells only. The path gets never longer; what
 //!    it costs may grow by 2 %, or the noise of a flat floor would keep every corner.
 //!
-//! Memory: 20 bytes a cell in the caller's slice (64 x 64: 82 kB, 128 x 128: 328 kB), no more. Cost: about 60 ns a cell for
-//! the terrain and 100 ns an expanded cell on a desktop core. Error: ends lie at the middle of their cells (0.7 cells off at
+//! Memory: 8 bytes a cell in the caller's slice (64 x 64: 33 kB, 128 x 128: 131 kB), no more. Cost on a Cortex-M4F: 80 instructions a
+//! cell for the terrain (of a room half seen) and 1,000 an expanded cell. Error: ends lie at the middle of their cells (0.7 cells off at
 //! most); the grid path costs what Dijkstra's does, to rounding (held by a test).
 
 mod astar;
@@ -23,39 +23,39 @@ use core::fmt;
 use glam::Vec3;
 
 use crate::ground::math;
-use crate::localized::height_map::HeightMap;
+use crate::localized::height_map::{HeightCell, HeightMap};
 use crate::sensing::depth::HolePolicy;
 
 /// Working memory of one cell: what the caller's slice holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Node {
-    /// Cheapest known cost from the start.
-    g: f32,
-    /// `g` and the heuristic.
-    f: f32,
-    /// Place in the heap + 1; 0: never reached; `CLOSED`: done.
-    place: u32,
-    /// Not of this node: entry of the heap (later of the path) that happens to lie here.
-    slot: u32,
-    /// Direction it was reached by.
-    from: u8,
-    state: u8,
+    /// Cheapest known cost of the whole way through here, heuristic included: positive as long as it may fall, infinite where no
+    /// way leads yet; negative (its sign turned) when done with, or not to be walked on.
+    key: f32,
+    /// From the lowest bit: 24 bits that are not of this node, the entry of the heap (later of the path) that happens to lie
+    /// here; 3 bits of the direction it was reached by; 1 bit whether it is blocked; 4 bits, of a blocked node why, of another the
+    /// last bits of its place in the heap.
+    link: u32,
 }
 
 impl Node {
     /// What the slice is filled with: all zero, so that a static one costs no flash. A plan begins by overwriting it.
-    pub const EMPTY: Self = Self { g: 0.0, f: 0.0, place: 0, slot: 0, from: 0, state: 0 };
+    pub const EMPTY: Self = Self { key: 0.0, link: 0 };
 
-    /// Never reached.
-    const FAR: Self = Self { g: f32::INFINITY, f: f32::INFINITY, ..Self::EMPTY };
-
-    const CLOSED: u32 = u32::MAX;
-    /// Can't be stood on.
-    const OBSTACLE: u8 = 1;
+    const SLOT: u32 = 0x00ff_ffff;
+    const FROM: u32 = 24;
+    const BLOCKED: u32 = 1 << 27;
+    const PLACE: u32 = 28;
+    /// Places in the heap are told apart as far as this number.
+    const PLACES: usize = 16;
+    /// Can't be stood on. Each with [`Self::BLOCKED`].
+    const OBSTACLE: u32 = 1 << 28;
     /// An obstacle is within the walker's radius.
-    const CLOSE: u8 = 2;
+    const CLOSE: u32 = 1 << 29;
     /// Unknown, and not to be walked on.
-    const UNKNOWN: u8 = 4;
+    const UNKNOWN: u32 = 1 << 30;
+    /// The key of a blocked node.
+    const OUT: f32 = -1.0;
 
     /// Whether the walker of the last plan could stand in the middle of this node's cell (nodes lie as the map's cells do).
     /// Meaningless before the first plan.
@@ -65,7 +65,47 @@ impl Node {
     }
 
     const fn walkable(&self) -> bool {
-        self.state & (Self::OBSTACLE | Self::CLOSE | Self::UNKNOWN) == 0
+        self.link & Self::BLOCKED == 0
+    }
+
+    /// Whether it is blocked for this reason.
+    const fn is(&self, reason: u32) -> bool {
+        !self.walkable() && self.link & reason != 0
+    }
+
+    const fn block(&mut self, reason: u32) {
+        self.link |= Self::BLOCKED | reason;
+    }
+
+    #[inline(always)]
+    const fn slot(&self) -> usize {
+        (self.link & Self::SLOT) as usize
+    }
+
+    #[inline(always)]
+    const fn set_slot(&mut self, slot: usize) {
+        self.link = (self.link & !Self::SLOT) | (slot as u32 & Self::SLOT);
+    }
+
+    #[inline(always)]
+    const fn from(&self) -> usize {
+        (self.link >> Self::FROM & 7) as usize
+    }
+
+    #[inline(always)]
+    const fn set_from(&mut self, from: usize) {
+        self.link = (self.link & !(7 << Self::FROM)) | (from as u32 & 7) << Self::FROM;
+    }
+
+    /// The last bits of a free node's place.
+    #[inline(always)]
+    const fn place(&self) -> usize {
+        (self.link >> Self::PLACE) as usize
+    }
+
+    #[inline(always)]
+    const fn set_place(&mut self, place: usize) {
+        self.link = (self.link & !(15 << Self::PLACE)) | (place as u32) << Self::PLACE;
     }
 }
 
@@ -254,21 +294,22 @@ impl<'a> Planner<'a> {
         let Some((gx, gy)) = grid.cell_of(goal) else { return Ok(Plan::GoalOutside) };
         terrain::classify(nodes, map, walker);
         let (start, goal) = (sy * width + sx, gy * width + gx);
-        let state = |i: usize| nodes.get(i).map_or(Node::OBSTACLE, |n| if n.walkable() { 0 } else { n.state });
-        match (state(start), state(goal)) {
-            (0, 0) => {}
-            (0, s) if s & Node::UNKNOWN != 0 => return Ok(Plan::GoalUnknown),
-            (0, _) => return Ok(Plan::GoalBlocked),
-            (s, _) if s & Node::UNKNOWN != 0 => return Ok(Plan::StartUnknown),
+        let node = |i: usize| nodes.get(i).copied().unwrap_or(Node::EMPTY);
+        match (node(start), node(goal)) {
+            (s, g) if s.walkable() && g.walkable() => {}
+            (s, g) if s.walkable() && g.is(Node::UNKNOWN) => return Ok(Plan::GoalUnknown),
+            (s, _) if s.walkable() => return Ok(Plan::GoalBlocked),
+            (s, _) if s.is(Node::UNKNOWN) => return Ok(Plan::StartUnknown),
             _ => return Ok(Plan::StartBlocked),
         }
-        let ground = Ground { map, width, depth, climb: walker.climb_cost };
-        let (found, expanded) = astar::search(nodes, &ground, start, goal);
+        let ground =
+            Ground { map, cells: map.cells(), width, depth, cell: grid.cell(), climb: walker.climb_cost, goal, gx, gy };
+        let (found, expanded) = astar::search(nodes, &ground, start);
         if !found {
             return Ok(Plan::NoPath { expanded });
         }
-        let cost = nodes.get(goal).map_or(0.0, |n| n.g);
-        let cells = smooth::trace(nodes, &ground, start, goal);
+        let cost = ground.cost(nodes, goal);
+        let cells = smooth::trace(nodes, &ground, start);
         let corners = smooth::pull(nodes, &ground, cells);
         // The corners lie goal first.
         let mut length = 0.0;
@@ -276,8 +317,8 @@ impl<'a> Planner<'a> {
         // An unknown corner (`HolePolicy::Free`) stands as high as the corner before it.
         let mut height = 0.0;
         for (i, corner) in nodes.get(..corners).unwrap_or(&[]).iter().rev().enumerate() {
-            height = ground.height(corner.slot as usize).unwrap_or(height);
-            let point = ground.point(corner.slot as usize, height);
+            height = ground.height(corner.slot()).unwrap_or(height);
+            let point = ground.point(corner.slot(), height);
             length += last.map_or(0.0, |l| l.distance(point));
             last = Some(point);
             if let Some(out) = points.get_mut(i) {
@@ -323,10 +364,7 @@ pub fn path_changed(map: &HeightMap<'_>, walker: &Walker, points: &[Vec3], since
     let touched = |p: Vec3| {
         let Some((x, y)) = grid.cell_of(p) else { return true };
         let columns = x.saturating_sub(reach)..(x + reach + 1).min(width);
-        (y.saturating_sub(reach)..(y + reach + 1).min(depth)).any(|row| {
-            let cells = map.cells().get(row * width + columns.start..row * width + columns.end);
-            cells.unwrap_or(&[]).iter().any(|c| c.changed > since)
-        })
+        (y.saturating_sub(reach)..(y + reach + 1).min(depth)).any(|row| map.any_changed(row, columns.clone(), since))
     };
     if let [only] = points {
         return touched(*only);
@@ -339,19 +377,60 @@ pub fn path_changed(map: &HeightMap<'_>, walker: &Walker, points: &[Vec3], since
     })
 }
 
-/// What the search knows of the map.
+/// What the search knows of the map, and where it goes.
 struct Ground<'m> {
     map: &'m HeightMap<'m>,
+    cells: &'m [HeightCell],
     width: usize,
     depth: usize,
+    /// Side of a cell, metres.
+    cell: f32,
     climb: f32,
+    goal: usize,
+    /// The goal's column and row.
+    gx: usize,
+    gy: usize,
 }
 
 impl Ground<'_> {
     /// Mean height; `None` where unknown.
     #[inline]
     fn height(&self, i: usize) -> Option<f32> {
-        self.map.cells().get(i).and_then(|c| c.is_known().then_some(c.mean))
+        self.cells.get(i).and_then(|c| c.is_known().then_some(c.mean))
+    }
+
+    /// What the way from a cell to the goal costs at least: straight and diagonal steps only.
+    #[inline]
+    fn ahead(&self, x: i32, y: i32) -> f32 {
+        let (dx, dy) = (x.abs_diff(self.gx as i32), y.abs_diff(self.gy as i32));
+        let (long, short) = (dx.max(dy) as f32, dx.min(dy) as f32);
+        // A hair below the truth, so that rounding never makes it promise too much.
+        (long + (core::f32::consts::SQRT_2 - 1.0) * short) * 0.999_999 * self.cell
+    }
+
+    /// Cost of the cheapest way found from the start to a cell that the search is done with.
+    fn cost(&self, nodes: &[Node], i: usize) -> f32 {
+        let (x, y) = self.column_row(i);
+        nodes.get(i).map_or(0.0, |n| n.key.abs() - self.ahead(x, y))
+    }
+
+    /// Which of the eight neighbours of a cell lie on the map, a bit each.
+    #[inline]
+    fn inside(&self, x: i32, y: i32) -> u32 {
+        let mut inside = 0xff;
+        if x == 0 {
+            inside &= !0b0011_1000;
+        }
+        if x + 1 == self.width as i32 {
+            inside &= !0b1000_0011;
+        }
+        if y == 0 {
+            inside &= !0b1110_0000;
+        }
+        if y + 1 == self.depth as i32 {
+            inside &= !0b0000_1110;
+        }
+        inside
     }
 
     /// Cost of the rise or fall between two cells.

@@ -4,17 +4,17 @@ use super::{Ground, Node, astar::DIRECTIONS};
 use crate::ground::math;
 
 /// Writes the cells of the way, goal first, into the nodes' slots (the heap is done with them) and returns how many.
-pub(super) fn trace(nodes: &mut [Node], ground: &Ground<'_>, start: usize, goal: usize) -> usize {
-    let mut at = goal;
+pub(super) fn trace(nodes: &mut [Node], ground: &Ground<'_>, start: usize) -> usize {
+    let mut at = ground.goal;
     let mut count = 0;
     while let Some(slot) = nodes.get_mut(count) {
-        slot.slot = at as u32;
+        slot.set_slot(at);
         count += 1;
         if at == start {
             break;
         }
-        let from = nodes.get(at).map_or(0, |n| n.from);
-        let (dx, dy) = DIRECTIONS.get(usize::from(from)).copied().unwrap_or((0, 0));
+        let from = nodes.get(at).map_or(0, Node::from);
+        let (dx, dy) = DIRECTIONS.get(from).copied().unwrap_or((0, 0));
         let (x, y) = ground.column_row(at);
         match ground.index(x - dx, y - dy) {
             Some(previous) => at = previous,
@@ -26,7 +26,7 @@ pub(super) fn trace(nodes: &mut [Node], ground: &Ground<'_>, start: usize, goal:
 
 /// Keeps of the first `cells` slots only the corners that are needed, in place, and returns how many.
 pub(super) fn pull(nodes: &mut [Node], ground: &Ground<'_>, cells: usize) -> usize {
-    let cell_at = |nodes: &[Node], k: usize| nodes.get(k).map_or(0, |n| n.slot as usize);
+    let cell_at = |nodes: &[Node], k: usize| nodes.get(k).map_or(0, Node::slot);
     if cells <= 1 {
         return cells;
     }
@@ -38,7 +38,7 @@ pub(super) fn pull(nodes: &mut [Node], ground: &Ground<'_>, cells: usize) -> usi
         // Neighbours always see each other, so that `last` is never the anchor here.
         if k > 1 && !straight(nodes, ground, anchor, next) {
             if let Some(slot) = nodes.get_mut(kept) {
-                slot.slot = last as u32;
+                slot.set_slot(last);
             }
             kept += 1;
             anchor = last;
@@ -46,7 +46,7 @@ pub(super) fn pull(nodes: &mut [Node], ground: &Ground<'_>, cells: usize) -> usi
         last = next;
     }
     if let Some(slot) = nodes.get_mut(kept) {
-        slot.slot = last as u32;
+        slot.set_slot(last);
     }
     kept + 1
 }
@@ -54,40 +54,43 @@ pub(super) fn pull(nodes: &mut [Node], ground: &Ground<'_>, cells: usize) -> usi
 /// Whether one can walk the straight line between the middles of two cells of the way: every cell it touches is walkable
 /// (at a corner it touches all four), and it costs at most 2 % more than the way does.
 pub(super) fn straight(nodes: &[Node], ground: &Ground<'_>, a: usize, b: usize) -> bool {
-    let ((mut x, mut y), (bx, by)) = (ground.column_row(a), ground.column_row(b));
-    let (dx, dy) = (i64::from((bx - x).abs()), i64::from((by - y).abs()));
-    let (step_x, step_y) = ((bx - x).signum(), (by - y).signum());
-    let free = |x: i32, y: i32| ground.index(x, y).and_then(|i| nodes.get(i)).is_some_and(Node::walkable);
-    let (mut ix, mut iy) = (0, 0);
+    let ((ax, ay), (bx, by)) = (ground.column_row(a), ground.column_row(b));
+    let (dx, dy) = ((bx - ax).abs(), (by - ay).abs());
+    let (hop_x, hop_y) = ((bx - ax).signum() as isize, (by - ay).signum() as isize * ground.width as isize);
+    // The line stays in the rectangle between two cells of the map, and so do the cells beside its corners.
+    let free = |i: usize| nodes.get(i).is_some_and(Node::walkable);
+    // Borders still to cross.
+    let (mut left_x, mut left_y) = (dx, dy);
+    // Which border comes first: (crossed x + 1/2) / dx against (crossed y + 1/2) / dy, in whole numbers.
+    let mut first = dy - dx;
+    let mut at = a;
     let mut climb = 0.0;
     let mut height = ground.height(a);
-    while ix < dx || iy < dy {
-        // Which border comes first: (ix + 1/2) / dx against (iy + 1/2) / dy, in whole numbers.
-        let first = ((1 + 2 * ix) * dy).cmp(&((1 + 2 * iy) * dx));
-        if first.is_eq() && !(free(x + step_x, y) && free(x, y + step_y)) {
+    while left_x > 0 || left_y > 0 {
+        let (cross_x, cross_y) = (first <= 0, first >= 0);
+        if cross_x && cross_y && !(free(at.wrapping_add_signed(hop_x)) && free(at.wrapping_add_signed(hop_y))) {
             return false;
         }
-        if first.is_le() {
-            x += step_x;
-            ix += 1;
+        if cross_x {
+            at = at.wrapping_add_signed(hop_x);
+            left_x -= 1;
+            first += 2 * dy;
         }
-        if first.is_ge() {
-            y += step_y;
-            iy += 1;
+        if cross_y {
+            at = at.wrapping_add_signed(hop_y);
+            left_y -= 1;
+            first -= 2 * dx;
         }
-        if !free(x, y) {
+        if !free(at) {
             return false;
         }
         // Heights once a step of the longer way, as a path of as many cells has them.
-        let longer = if dx >= dy { first.is_le() } else { first.is_ge() };
-        if longer {
-            let here = ground.index(x, y).and_then(|i| ground.height(i));
+        if if dx >= dy { cross_x } else { cross_y } {
+            let here = ground.height(at);
             climb += ground.climb(height, here);
             height = here.or(height);
         }
     }
-    let cell = ground.map.grid().cell();
-    let length = math::sqrt((dx * dx + dy * dy) as f32) * cell;
-    let cost = |i: usize| nodes.get(i).map_or(0.0, |n| n.g);
-    length + climb <= 1.02 * (cost(a) - cost(b)).abs() + 1e-4 * cell
+    let length = math::sqrt((dx as f32) * (dx as f32) + (dy as f32) * (dy as f32)) * ground.cell;
+    length + climb <= 1.02 * (ground.cost(nodes, a) - ground.cost(nodes, b)).abs() + 1e-4 * ground.cell
 }

@@ -1,4 +1,7 @@
 //! Where can the walker stand? Height map to obstacles, then obstacles grown by the walker's radius.
+//!
+//! A slope that is too steep over so many cells has a step among them that is steeper than its mean. So every cell is compared
+//! with its neighbours alone, and only where one stands out is the ground around it judged: on a floor nowhere.
 
 use super::{Node, Walker};
 use crate::ground::math;
@@ -30,173 +33,245 @@ pub(super) fn classify(nodes: &mut [Node], map: &HeightMap<'_>, walker: &Walker)
     };
     let spread = limit(cell * core::f32::consts::SQRT_2);
     let unknown = match walker.unknown {
-        HolePolicy::Unknown => Node::UNKNOWN,
-        HolePolicy::Solid => Node::OBSTACLE,
+        HolePolicy::Unknown => Node::BLOCKED | Node::UNKNOWN,
+        HolePolicy::Solid => Node::BLOCKED | Node::OBSTACLE,
         HolePolicy::Free => 0,
     };
     for (node, c) in nodes.iter_mut().zip(map.cells()) {
-        *node = Node::FAR;
-        // The height lies in `g` until the search needs it: NaN where there is none, or none that says anything.
-        (node.state, node.g) = match c.is_known() {
+        // The height lies in the key until the search needs it: NaN where there is none, or none that says anything.
+        (node.link, node.key) = match c.is_known() {
             false => (unknown, f32::NAN),
             // Negated, so that NaN is an obstacle.
-            true if !(c.max - c.min <= spread) => (Node::OBSTACLE, f32::NAN),
+            true if !(c.max - c.min <= spread) => (Node::BLOCKED | Node::OBSTACLE, f32::NAN),
             true => (0, c.mean),
         };
     }
-    // Blocks of cells whose surroundings rise by less than any limit hold nothing to mark: most of a floor.
-    let gentle = limit(cell);
-    let around = window(walker, cell).div_ceil(BLOCK);
-    let directions = [(1, 0), (0, 1), (1, 1), (-1, 1)].map(|(dx, dy)| Direction::new(dx, dy, map, walker, &limit));
-    let (across, down) = (width.div_ceil(BLOCK), depth.div_ceil(BLOCK));
-    let block = |bx: usize, by: usize| {
-        let (x, y) = (bx * BLOCK, by * BLOCK);
-        (x..(x + BLOCK).min(width), y..(y + BLOCK).min(depth))
-    };
-    let blocks = || (0..down).flat_map(|by| (0..across).map(move |bx| (bx, by)));
-    for (bx, by) in blocks() {
-        note_extremes(nodes, width, &block(bx, by));
-    }
-    for (bx, by) in blocks() {
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for y in by.saturating_sub(around)..(by + around + 1).min(down) {
-            for x in bx.saturating_sub(around)..(bx + around + 1).min(across) {
-                let (least, most) = noted_extremes(nodes, y * BLOCK * width + x * BLOCK);
-                low = if least < low { least } else { low };
-                high = if most > high { most } else { high };
+    let lines = [(1, 0), (1, 1), (0, 1), (-1, 1)].map(|(dx, dy)| Line::new(dx, dy, map, walker, &limit));
+    let least = lines.each_ref().map(|line| line.noticed);
+    for y in 0..depth {
+        let mut x = 0;
+        while let Some((at, steps)) = next_step(nodes, (width, y), x, &least) {
+            for (line, step) in lines.iter().zip(steps) {
+                if step {
+                    line.judge(nodes, (width, depth), (at, y));
+                }
             }
+            x = at + 1;
         }
-        if high - low > gentle {
-            for direction in &directions {
-                judge(nodes, map, direction, &block(bx, by));
-            }
-        }
-    }
-    for node in nodes.iter_mut() {
-        (node.g, node.f) = (Node::FAR.g, Node::FAR.f);
     }
     grow(nodes, width, depth, walker.radius / cell + 0.5);
 }
 
-/// Side of the blocks of cells that are skipped together.
-const BLOCK: usize = 8;
-
-/// A rectangle of cells: columns, rows.
-type Cells = (core::ops::Range<usize>, core::ops::Range<usize>);
-
-/// Writes the lowest and the highest height of a block into its first node, where the search will keep other things.
-fn note_extremes(nodes: &mut [Node], width: usize, (columns, rows): &Cells) {
-    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-    for y in rows.clone() {
-        for node in nodes.get(y * width + columns.start..y * width + columns.end).unwrap_or(&[]) {
-            low = if node.g < low { node.g } else { low };
-            high = if node.g > high { node.g } else { high };
+/// The first cell of row `y`, from column `x` on, that stands out from a neighbour by more than the least step noticed in that
+/// neighbour's direction; and which of the four neighbours it is: right, right below, below, left below.
+#[inline]
+fn next_step(nodes: &[Node], (width, y): (usize, usize), x: usize, least: &[f32; 4]) -> Option<(usize, [bool; 4])> {
+    let row = nodes.get(y * width + x..(y + 1) * width)?;
+    let below = nodes.get((y + 1) * width + x..(y + 2) * width).unwrap_or(&[]);
+    let height = |n: Option<&Node>| n.map_or(f32::NAN, |n| n.key);
+    let &[right, right_below, straight_below, left_below] = least;
+    let mut here = height(row.first());
+    let mut under = height(below.first());
+    let mut before = if x == 0 || below.is_empty() { f32::NAN } else { height(nodes.get((y + 1) * width + x - 1)) };
+    for k in 0..row.len() {
+        let (next, after) = (height(row.get(k + 1)), height(below.get(k + 1)));
+        if !here.is_nan() {
+            // False where the other is NaN.
+            let steps = [
+                (next - here).abs() > right,
+                (after - here).abs() > right_below,
+                (under - here).abs() > straight_below,
+                (before - here).abs() > left_below,
+            ];
+            if steps.contains(&true) {
+                return Some((x + k, steps));
+            }
         }
+        (here, before, under) = (next, under, after);
     }
-    if let Some(node) = nodes.get_mut(rows.start * width + columns.start) {
-        (node.f, node.slot) = (low, high.to_bits());
-    }
-}
-
-fn noted_extremes(nodes: &[Node], first: usize) -> (f32, f32) {
-    nodes.get(first).map_or((f32::INFINITY, f32::NEG_INFINITY), |n| (n.f, f32::from_bits(n.slot)))
+    None
 }
 
 /// A way in which ledges and slopes are looked for: half of the eight, the others are these from the other end.
-struct Direction {
+struct Line {
     dx: isize,
+    dy: isize,
     /// Nodes from a cell to the next. Never back; it would be 0 only in a map one cell wide, where there is no step to take.
     hop: usize,
-    down: bool,
     /// Largest rise over so many cells.
     limits: [f32; MOST],
     /// Cells over which a slope is judged.
     far: usize,
+    /// Every slope that is too steep has a step higher than this.
+    noticed: f32,
+    /// The bit of a node that says that the slopes that begin there were judged.
+    judged: u32,
 }
 
-impl Direction {
+impl Line {
     fn new(dx: isize, dy: isize, map: &HeightMap<'_>, walker: &Walker, limit: &impl Fn(f32) -> f32) -> Self {
         let (width, cell) = (map.grid().size().0, map.grid().cell());
         let pace = if dx != 0 && dy != 0 { cell * core::f32::consts::SQRT_2 } else { cell };
-        let limits = core::array::from_fn(|i| limit(pace * (i + 1) as f32));
+        let limits: [f32; MOST] = core::array::from_fn(|i| limit(pace * (i + 1) as f32));
         let hop = (dy * width as isize + dx).unsigned_abs().max(1);
-        Self { dx, hop, down: dy > 0, limits, far: window(walker, pace) }
+        let far = window(walker, pace);
+        // A thousandth for rounding.
+        let mean = |(i, limit): (usize, &f32)| 0.999 * limit / (i + 1) as f32;
+        let noticed = limits.iter().take(far).enumerate().map(mean).fold(f32::INFINITY, f32::min);
+        Self { dx, dy, hop, limits, far, noticed, judged: 1 << (dx + 3 * dy) }
     }
-}
 
-/// Marks ledges and slopes that start in a rectangle of cells.
-fn judge(nodes: &mut [Node], map: &HeightMap<'_>, direction: &Direction, (columns, rows): &Cells) {
-    let (width, depth) = map.grid().size();
-    let &Direction { dx, hop, down, ref limits, far } = direction;
-    let [one, ..] = *limits;
-    for (y, x) in rows.clone().flat_map(|y| columns.clone().map(move |x| (y, x))) {
-        let from = y * width + x;
-        let first = nodes.get(from).map_or(f32::NAN, |n| n.g);
-        if first.is_nan() {
-            continue;
+    /// Marks what is wrong with the step that leaves a cell.
+    fn judge(&self, nodes: &mut [Node], (width, depth): (usize, usize), (x, y): (usize, usize)) {
+        let [one, ..] = self.limits;
+        let height = |nodes: &[Node], i: usize| nodes.get(i).map_or(f32::NAN, |n| n.key);
+        let at = y * width + x;
+        let (here, there) = (height(nodes, at), height(nodes, at + self.hop));
+        if (there - here).abs() > one {
+            // A ledge: its upper side is what can't be walked onto, or off.
+            mark(nodes, if there > here { at + self.hop } else { at });
+            return;
         }
-        // Cells left in this direction.
-        let across = match dx {
-            0 => MOST,
-            1 => width - 1 - x,
-            _ => x,
+        let judged = |nodes: &[Node], i: usize| nodes.get(i).is_none_or(|n| n.link & self.judged != 0);
+        if judged(nodes, at) {
+            return;
+        }
+        // Cells to the map's border, there and back.
+        let (there, back) = match self.dx {
+            0 => (usize::MAX, usize::MAX),
+            1 => (width - 1 - x, x),
+            _ => (x, width - 1 - x),
         };
-        let left = far.min(across).min(if down { depth - 1 - y } else { MOST });
+        let (there, back) = if self.dy > 0 { (there.min(depth - 1 - y), back.min(y)) } else { (there, back) };
+        // The slopes that this step is part of begin here and at the cells before, as far as the ground hangs together.
+        let (mut first, mut before) = (at, 0);
+        let mut last = here;
+        while before < back.min(self.far - 1) {
+            let previous = first - self.hop;
+            let h = height(nodes, previous);
+            if !((last - h).abs() <= one) || judged(nodes, previous) {
+                break;
+            }
+            (first, before, last) = (previous, before + 1, h);
+        }
+        // From the first on: as long as all lies within the height of a step, no slope is too steep.
+        let reach = there + before;
+        let (mut low, mut high) = (last, last);
+        let (mut end, mut k) = (first, 0);
+        let gentle = loop {
+            if k == reach.min(2 * self.far) {
+                // At the border slopes end; else they go on.
+                break if k == reach { k + 1 } else { k + 1 - self.far };
+            }
+            let h = height(nodes, end + self.hop);
+            if !((h - last).abs() <= one) {
+                break k + 1;
+            }
+            (end, k, last) = (end + self.hop, k + 1, h);
+            low = if h < low { h } else { low };
+            high = if h > high { h } else { high };
+            if high - low > one {
+                break k.saturating_sub(self.far);
+            }
+        };
+        for i in 0..gentle.max(before + 1) {
+            let from = first + i * self.hop;
+            if let Some(node) = nodes.get_mut(from) {
+                node.link |= self.judged;
+            }
+            if i >= gentle {
+                self.slope(nodes, from, reach - i);
+            }
+        }
+    }
+
+    /// Marks the slope that begins at a cell if it is too steep; there are `left` more cells.
+    fn slope(&self, nodes: &mut [Node], from: usize, left: usize) {
+        let [one, ..] = self.limits;
+        let first = nodes.get(from).map_or(f32::NAN, |n| n.key);
         let (mut here, mut at) = (first, from);
-        for (k, &ramp) in limits.iter().take(left).enumerate() {
-            let Some(&Node { g: there, .. }) = nodes.get(at + hop) else { break };
+        for (k, &ramp) in self.limits.iter().take(left.min(self.far)).enumerate() {
+            let Some(&Node { key: there, .. }) = nodes.get(at + self.hop) else { break };
+            // A hole, or a ledge.
             if !((there - here).abs() <= one) {
-                // A hole, or a ledge: its upper side is what can't be walked onto, or off. A pair belongs to its own turn.
-                if k == 0 && !there.is_nan() {
-                    mark(nodes, if there > here { at + hop } else { at });
-                }
                 break;
             }
             if (there - first).abs() > ramp {
                 // Too steep: all between the ends.
                 for between in 1..=k {
-                    mark(nodes, from + between * hop);
+                    mark(nodes, from + between * self.hop);
                 }
                 break;
             }
-            (here, at) = (there, at + hop);
+            (here, at) = (there, at + self.hop);
         }
     }
 }
 
 fn mark(nodes: &mut [Node], i: usize) {
     if let Some(node) = nodes.get_mut(i) {
-        node.state |= Node::OBSTACLE;
+        node.block(Node::OBSTACLE);
     }
 }
 
-/// Marks all within `radius` cells of an obstacle.
+/// Half the width of a disc `dy` rows from its middle.
+fn half(radius: f32, dy: usize) -> usize {
+    math::floor(math::sqrt((radius * radius - (dy * dy) as f32).max(0.0))) as usize
+}
+
+/// Marks all within `radius` cells of an obstacle, and makes the keys ready for the search: "never reached", or not to be.
 fn grow(nodes: &mut [Node], width: usize, depth: usize, radius: f32) {
     let most = radius.min((width + depth) as f32);
-    let reach = math::floor(most) as i32;
-    if reach == 0 {
-        return;
-    }
-    for (y, x) in (0..depth).flat_map(|y| (0..width).map(move |x| (y, x))) {
-        let i = y * width + x;
-        let is_obstacle = |j: Option<usize>| j.and_then(|j| nodes.get(j)).is_none_or(|n| n.state & Node::OBSTACLE != 0);
-        if !is_obstacle(Some(i)) {
-            continue;
-        }
-        // Inside an obstacle the rim's discs cover all that this one's would: the nearest obstacle of a free cell has a
-        // free neighbour on one of four sides.
-        let left = if x == 0 { None } else { Some(i - 1) };
-        let right = if x + 1 == width { None } else { Some(i + 1) };
-        if [left, right, i.checked_sub(width), Some(i + width)].into_iter().all(is_obstacle) {
-            continue;
-        }
-        for dy in -reach..=reach {
-            let Some(row) = y.checked_add_signed(dy as isize).filter(|&r| r < depth) else { continue };
-            let half = math::floor(math::sqrt((most * most - (dy * dy) as f32).max(0.0))) as usize;
-            let span = row * width + x.saturating_sub(half)..row * width + (x + half + 1).min(width);
-            for node in nodes.get_mut(span).unwrap_or(&mut []) {
-                node.state |= Node::CLOSE;
+    let reach = math::floor(most) as usize;
+    let halves: [usize; 8] = core::array::from_fn(|dy| half(most, dy));
+    for y in 0..depth {
+        let mut x = 0;
+        while let Some(run) = next_run(nodes, width, y, x) {
+            x = run.end;
+            if reach == 0 {
+                continue;
             }
+            for up in [true, false] {
+                // Where the row beside is an obstacle all along the run, its own discs cover what this one's would.
+                let beside = if up { y.checked_sub(1) } else { Some(y + 1).filter(|&r| r < depth) };
+                let Some(beside) = beside else { continue };
+                let beside = nodes.get(beside * width + run.start..beside * width + run.end).unwrap_or(&[]);
+                if beside.iter().all(|n| n.link & Node::OBSTACLE != 0) {
+                    continue;
+                }
+                for dy in 1..=reach {
+                    let row = if up { y.checked_sub(dy) } else { Some(y + dy).filter(|&r| r < depth) };
+                    let Some(row) = row else { break };
+                    close(nodes, width, row, &run, halves.get(dy).copied().unwrap_or_else(|| half(most, dy)));
+                }
+            }
+            let [widest, ..] = halves;
+            close(nodes, width, y, &run, widest);
         }
     }
+}
+
+/// Marks the cells of a row beside a run of columns as too near to it.
+fn close(nodes: &mut [Node], width: usize, row: usize, run: &core::ops::Range<usize>, half: usize) {
+    let span = row * width + run.start.saturating_sub(half)..row * width + (run.end + half).min(width);
+    for node in nodes.get_mut(span).unwrap_or(&mut []) {
+        node.block(Node::CLOSE);
+        node.key = Node::OUT;
+    }
+}
+
+/// The next run of obstacles in a row, from column `x` on; sets the keys of the cells on the way there.
+fn next_run(nodes: &mut [Node], width: usize, y: usize, x: usize) -> Option<core::ops::Range<usize>> {
+    let row = nodes.get_mut(y * width + x..(y + 1) * width)?;
+    let mut start = None;
+    for (k, node) in row.iter_mut().enumerate() {
+        let obstacle = node.link & Node::OBSTACLE != 0;
+        node.key = if node.walkable() { f32::INFINITY } else { Node::OUT };
+        match start {
+            None if obstacle => start = Some(x + k),
+            Some(start) if !obstacle => return Some(start..x + k),
+            _ => {}
+        }
+    }
+    start.map(|start| start..width)
 }

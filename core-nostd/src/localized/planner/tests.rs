@@ -88,7 +88,7 @@ fn keeps_clear(map: &HeightMap<'_>, points: &[Vec3], nodes: &[Node], radius: f32
         (0..=200).all(|i| {
             let p = flat(s[0].lerp(s[1], i as f32 / 200.0));
             (0..w * d).all(|j| {
-                nodes[j].state & Node::OBSTACLE == 0
+                !nodes[j].is(Node::OBSTACLE)
                     || flat(map.grid().point_of(j % w, j / w, 0.0)).distance(p) >= radius - 0.5 * map.grid().cell()
             })
         })
@@ -276,4 +276,88 @@ fn a_map_without_cells_is_left_at_once() {
     assert!(path_changed(&map, &Walker::DEFAULT, &[Vec3::ZERO, Vec3::X], 0));
     let plan = Planner::new(&mut []).plan(&map, &Walker::DEFAULT, Vec3::ZERO, Vec3::X, &mut []);
     assert_eq!(plan, Ok(Plan::StartOutside));
+}
+
+/// What classification must give, cell by cell, without leaving anything out: obstacles, and what is too near to one.
+fn terrain_of(map: &HeightMap<'_>, walker: &Walker) -> (Vec<bool>, Vec<bool>) {
+    let ((w, d), cell) = (map.grid().size(), map.grid().cell());
+    let limit = |distance: f32| (distance * walker.max_slope.tan()).max(walker.max_step) + 1e-4;
+    let spread = limit(cell * core::f32::consts::SQRT_2);
+    let steep = |c: &HeightCell| c.is_known() && c.max - c.min > spread;
+    let solid = walker.unknown == HolePolicy::Solid;
+    let cells = map.cells();
+    let mut obstacle: Vec<bool> = cells.iter().map(|c| steep(c) || (solid && !c.is_known())).collect();
+    let height = |x: i32, y: i32| {
+        let inside = x >= 0 && y >= 0 && x < w as i32 && y < d as i32;
+        let c = &cells[if inside { y as usize * w + x as usize } else { return None }];
+        (c.is_known() && !steep(c)).then_some(c.mean)
+    };
+    for (x, y) in (0..d as i32).flat_map(|y| (0..w as i32).map(move |x| (x, y))) {
+        let Some(first) = height(x, y) else { continue };
+        for (dx, dy) in [(1, 0), (0, 1), (1, 1), (-1, 1)] {
+            let pace = if dx != 0 && dy != 0 { cell * core::f32::consts::SQRT_2 } else { cell };
+            let at = |k: i32| (y + k * dy) as usize * w + (x + k * dx) as usize;
+            let mut here = first;
+            for k in 1..=terrain::window(walker, pace) as i32 {
+                let Some(there) = height(x + k * dx, y + k * dy) else { break };
+                if (there - here).abs() > limit(pace) {
+                    if k == 1 {
+                        obstacle[if there > here { at(1) } else { at(0) }] = true;
+                    }
+                    break;
+                }
+                if (there - first).abs() > limit(pace * k as f32) {
+                    (1..k).for_each(|k| obstacle[at(k)] = true);
+                    break;
+                }
+                here = there;
+            }
+        }
+    }
+    let radius = walker.radius / cell + 0.5;
+    let near = |i: usize| {
+        (0..w * d).any(|j| {
+            let (dx, dy) = ((i % w).abs_diff(j % w) as f32, (i / w).abs_diff(j / w) as f32);
+            obstacle[j] && dx * dx + dy * dy <= radius * radius
+        })
+    };
+    let close = (0..w * d).map(near).collect();
+    (obstacle, close)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+    /// Steps noticed, slopes judged around them only, obstacles grown run by run: the same terrain as judging every cell.
+    #[test]
+    fn terrain_is_what_judging_every_cell_gives(
+        w in 1_usize..40, d in 1_usize..40, seed in 1_u32.., cell in 0.01_f32..0.2, radius in 0.0_f32..0.4,
+        max_step in 0.02_f32..0.4, max_slope in 0.1_f32..1.4, slant in proptest::array::uniform2(-1.0_f32..1.0),
+        rough in 0.0_f32..0.3, holes in 0_u32..30, policy in 0_usize..3,
+    ) {
+        let mut s = seed;
+        let mut next = || { s ^= s << 13; s ^= s >> 17; s ^= s << 5; s };
+        // A slope that bends and steps, rough to a degree, with holes and things on it.
+        let heights: Vec<Option<f32>> = (0..w * d).map(|i| {
+            let (x, y) = ((i % w) as f32 * cell, (i / w) as f32 * cell);
+            let noise = (next() % 1000) as f32 * 1e-3 * rough * max_step;
+            let thing = if next() % 40 == 0 { 0.6 * max_step } else { 0.0 };
+            let stairs = if x > 1.0 { (y * 4.0).floor() * 0.25 * max_step } else { 0.0 };
+            (next() % 100 >= holes).then_some(slant[0] * x * x + slant[1] * y + noise + thing + stairs)
+        }).collect();
+        let unknown = [HolePolicy::Unknown, HolePolicy::Solid, HolePolicy::Free][policy];
+        let walker = Walker { radius, max_step, max_slope, unknown, ..Walker::DEFAULT };
+        with_map(w, d, &heights, cell, |map| {
+            let mut nodes = vec![Node::EMPTY; w * d];
+            terrain::classify(&mut nodes, map, &walker);
+            let (obstacle, close) = terrain_of(map, &walker);
+            for (i, node) in nodes.iter().enumerate() {
+                prop_assert_eq!(node.is(Node::OBSTACLE), obstacle[i], "obstacle at {} {}", i % w, i / w);
+                let unseen = unknown == HolePolicy::Unknown && !map.cells()[i].is_known();
+                prop_assert_eq!(node.is(Node::UNKNOWN), unseen);
+                prop_assert_eq!(node.walkable(), !(obstacle[i] || unseen || (close[i] && radius / cell + 0.5 >= 1.0)));
+                prop_assert_eq!(node.key, [Node::OUT, f32::INFINITY][usize::from(node.walkable())]);
+            }
+            Ok(())
+        })?;
+    }
 }

@@ -102,6 +102,16 @@ pub trait DepthSample: Copy + PartialEq + PartialOrd + fmt::Debug + Send + Sync 
     /// The value as a number, whatever it means; NaN for a `u16` that is no reading.
     fn number(self) -> f32;
 
+    /// As whole steps of another unit; 0 where there is no reading, or none that can be held.
+    fn in_steps(self, unit: DepthUnit, other: DepthUnit) -> u16;
+
+    /// A row of [`Self::in_steps`], as far as both slices go.
+    fn row_in_steps(row: &[Self], unit: DepthUnit, other: DepthUnit, out: &mut [u16]) {
+        for (out, value) in out.iter_mut().zip(row) {
+            *out = value.in_steps(unit, other);
+        }
+    }
+
     /// The nearest value to `z` metres; [`Self::HOLE`] when `z` is not a valid depth or can't be held in this unit.
     fn from_metres(z: f32, unit: DepthUnit) -> Self;
 }
@@ -125,6 +135,26 @@ impl DepthSample for u16 {
     #[inline(always)]
     fn number(self) -> f32 {
         if self.is_valid() { f32::from(self) } else { f32::NAN }
+    }
+
+    fn row_in_steps(row: &[Self], unit: DepthUnit, other: DepthUnit, out: &mut [u16]) {
+        let same = unit == other;
+        for (out, value) in out.iter_mut().zip(row) {
+            *out = match same {
+                true if value.is_valid() => *value,
+                true => 0,
+                false => value.in_steps(unit, other),
+            };
+        }
+    }
+
+    #[inline(always)]
+    fn in_steps(self, unit: DepthUnit, other: DepthUnit) -> u16 {
+        match (self.is_valid(), unit == other) {
+            (false, _) => 0,
+            (true, true) => self,
+            (true, false) => Self::from_metres(self.metres(unit), other),
+        }
     }
 
     #[inline]
@@ -156,6 +186,11 @@ impl DepthSample for f32 {
     #[inline(always)]
     fn number(self) -> f32 {
         self
+    }
+
+    #[inline(always)]
+    fn in_steps(self, unit: DepthUnit, other: DepthUnit) -> u16 {
+        u16::from_metres(self.metres(unit), other)
     }
 
     #[inline]

@@ -59,6 +59,8 @@ pub struct FarMap<const COLUMNS: usize = 128, const ROWS: usize = 64> {
     /// Of the columns' longitudes, for the kernel.
     sin: [f32; COLUMNS],
     cos: [f32; COLUMNS],
+    /// Sine and cosine of the blocks' middles.
+    middles: [(f32, f32); MOST_COLUMNS / LANES],
     /// Blocks computed anew since [`Self::settle`], a bit each.
     fresh: [u32; ROWS],
     ready: bool,
@@ -71,6 +73,7 @@ impl<const COLUMNS: usize, const ROWS: usize> Default for FarMap<COLUMNS, ROWS> 
 }
 
 /// One row's geometry.
+#[derive(Clone, Copy)]
 struct Row {
     sin: f32,
     cos: f32,
@@ -88,6 +91,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             planes: [[[0.0; COLUMNS]; ROWS]; 3],
             sin: [0.0; COLUMNS],
             cos: [0.0; COLUMNS],
+            middles: [(0.0, 0.0); MOST_COLUMNS / LANES],
             fresh: [0; ROWS],
             ready: false,
         }
@@ -109,14 +113,8 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
     fn blocks(&self, row: &Row, [x, y, z]: [f32; 3]) -> u32 {
         let (a, s, c) = (y * row.cos, x * row.sin, -z * row.sin);
         let mut bits = 0;
-        for block in 0..Self::BLOCKS {
-            // Between the two middle columns.
-            let i = block * LANES + LANES / 2;
-            let at = |table: &[f32; COLUMNS]| {
-                let two = table.get(i - 1).zip(table.get(i));
-                two.map_or(0.0, |(l, r)| 0.5 * (l + r))
-            };
-            bits |= u32::from(a + s * at(&self.sin) + c * at(&self.cos) >= row.near) << block;
+        for (block, (sin, cos)) in self.middles.iter().enumerate().take(Self::BLOCKS) {
+            bits |= u32::from(a + s * sin + c * cos >= row.near) << block;
         }
         bits
     }
@@ -133,8 +131,15 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
                 (*sin, *cos) = (math::sin(lon), math::cos(lon));
             }
         }
+        if first {
+            for (block, middle) in self.middles.iter_mut().enumerate() {
+                let lon = core::f32::consts::TAU * (((block * LANES + LANES / 2) as f32) / COLUMNS as f32 - 0.5);
+                *middle = (math::sin(lon), math::cos(lon));
+            }
+        }
         let mut report = FarMapReport::default();
         let all = if Self::BLOCKS == 32 { u32::MAX } else { (1 << Self::BLOCKS) - 1 };
+        let rows: [Row; ROWS] = core::array::from_fn(|y| Self::row(y, reach));
         let mut stale = [if first { all } else { 0 }; ROWS];
         far.take_changed(|anchor| {
             report.anchors += 1;
@@ -142,21 +147,20 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
                 return;
             }
             let direction = Lattice::<N>::direction(anchor).to_array();
-            for (y, stale) in stale.iter_mut().enumerate() {
-                let row = Self::row(y, reach);
+            for (row, stale) in rows.iter().zip(&mut stale) {
                 if *stale != all && direction[1] >= row.heights.0 && direction[1] <= row.heights.1 {
-                    *stale |= self.blocks(&row, direction);
+                    *stale |= self.blocks(row, direction);
                 }
             }
         });
         for (fresh, stale) in self.fresh.iter_mut().zip(stale) {
             *fresh |= stale;
         }
-        for (y, stale) in stale.into_iter().enumerate() {
+        for (y, (stale, row)) in stale.into_iter().zip(rows).enumerate() {
             report.computed += stale.count_ones() as usize;
             report.skipped += Self::BLOCKS - stale.count_ones() as usize;
             if stale != 0 {
-                vectorised(|| self.compute(far, y, stale, reach));
+                vectorised(|| self.compute(far, y, stale, &row));
             }
         }
         report
@@ -219,8 +223,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
 
     /// Some blocks of a row, from the anchors around.
     #[inline(always)]
-    fn compute<const N: usize>(&mut self, far: &FarField<N>, y: usize, stale: u32, reach: f32) {
-        let row = Self::row(y, reach);
+    fn compute<const N: usize>(&mut self, far: &FarField<N>, y: usize, stale: u32, row: &Row) {
         let power = squarings(N);
         let mut sums = [[Lanes::ZERO; 4]; MOST_COLUMNS / LANES];
         // Anchors lie in order of height.
@@ -228,7 +231,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         let (from, to) = (index(row.heights.1) as usize, (index(row.heights.0) as usize).saturating_add(2).min(N));
         for anchor in from..to {
             let direction = Lattice::<N>::direction(anchor).to_array();
-            let mut hit = self.blocks(&row, direction) & stale;
+            let mut hit = self.blocks(row, direction) & stale;
             if hit == 0 {
                 continue;
             }

@@ -1,8 +1,11 @@
 //! From the grid to a map of any size: bicubic (Catmull-Rom), closed at the seam and over the poles.
 
+use core::ops::Range;
+
 use super::grid::FarMap;
 use crate::ground::colour::Colour;
 use crate::ground::image::ImageViewMut;
+use crate::ground::lanes::{LANES, Lanes};
 use crate::ground::math;
 
 /// Columns that a grid has at most, and four more around.
@@ -63,9 +66,14 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             };
             for (plane, out) in self.planes.iter().zip(&mut out.0) {
                 let Some(row) = usize::try_from(row).ok().and_then(|r| plane.get(r)) else { continue };
+                // Across the pole, the row's halves change places.
                 let (left, right) = row.split_at(if turned { COLUMNS / 2 } else { 0 });
-                for (out, v) in out.iter_mut().skip(2).zip(right.iter().chain(left)) {
-                    *out += weight * v;
+                let (_, out) = out.split_at_mut(2);
+                let (first, second) = out.split_at_mut(right.len().min(WIDE - 2));
+                for (out, part) in [(first, right), (second, left)] {
+                    for (out, v) in out.iter_mut().zip(part) {
+                        *out += weight * v;
+                    }
                 }
             }
         }
@@ -81,31 +89,69 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         out
     }
 
+    /// Columns of a map `width` wide in runs of at most [`LANES`] that lie between the same two columns of the grid: the first, how many, and
+    /// where in the blended row.
+    #[inline(always)]
+    pub(crate) fn runs(columns: Range<usize>, width: usize, mut tell: impl FnMut(usize, usize, Place)) {
+        let step = COLUMNS as f32 / width.max(1) as f32;
+        let mut x = columns.start;
+        while x < columns.end {
+            // Two columns stand before the first, and the four neighbours begin one before.
+            let at = (x as f32 + 0.5) * step + 0.5;
+            let cell = at as usize;
+            let first = at - cell as f32;
+            // As many as stay below the next column, found by counting: eight or fewer.
+            let most = LANES.min(columns.end - x);
+            let mut n = 1;
+            while n < most && first + n as f32 * step < 1.0 {
+                n += 1;
+            }
+            tell(x, n, Place { cell, first, step });
+            x += n;
+        }
+    }
+
     /// A row's light at some columns of a map `width` wide, told in order.
     #[inline(always)]
     pub(crate) fn columns(
         &self,
         row: &Blended,
-        columns: core::ops::Range<usize>,
+        columns: Range<usize>,
         width: usize,
         mut tell: impl FnMut(usize, [f32; 3]),
     ) {
-        let step = COLUMNS as f32 / width.max(1) as f32;
-        let [red, green, blue] = &row.0;
-        let mut held = usize::MAX;
-        let mut cubics = [[0.0; 4]; 3];
-        for x in columns {
-            // Two columns stand before the first, and the four neighbours begin one before.
-            let at = (x as f32 + 0.5) * step + 0.5;
-            let cell = at as usize;
-            if cell != held {
-                held = cell;
-                cubics = [red, green, blue]
-                    .map(|p| cubic(p.get(cell..).and_then(|p| p.first_chunk()).copied().unwrap_or_default()));
+        Self::runs(columns, width, |x, n, place| {
+            let [r, g, b] = row.light(place);
+            for (i, ((r, g), b)) in r.0.iter().zip(g.0).zip(b.0).take(n).enumerate() {
+                tell(x + i, [*r, g, b]);
             }
-            let t = at - cell as f32;
-            tell(x, cubics.map(|[a, b, c, d]| (a + t * (b + t * (c + t * d))).max(0.0)));
+        });
+    }
+}
+
+/// Where some map pixels lie in a blended row.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    /// First of the four columns.
+    cell: usize,
+    /// Of the first pixel, the part of the way between the middle two.
+    first: f32,
+    /// From pixel to pixel.
+    step: f32,
+}
+
+impl Blended {
+    /// The light of eight pixels from a place on: red, green, blue.
+    #[inline(always)]
+    pub(crate) fn light(&self, place: Place) -> [Lanes; 3] {
+        let t = Lanes::splat(place.first) + Lanes::index() * place.step;
+        let mut out = [Lanes::ZERO; 3];
+        for (out, plane) in out.iter_mut().zip(&self.0) {
+            let four = plane.get(place.cell..).and_then(|p| p.first_chunk()).copied().unwrap_or_default();
+            let [a, b, c, d] = cubic(four).map(Lanes::splat);
+            *out = (a + t * (b + t * (c + t * d))).max(Lanes::ZERO);
         }
+        out
     }
 }
 
