@@ -41,7 +41,7 @@ pub(crate) struct Memory<const COLUMNS: usize = 128, const ROWS: usize = 64> {
     colour: Vec<[u8; 3]>,
     layers: Vec<u32>,
     picture: Vec<[u8; 4]>,
-    strip: Vec<(u32, u8)>,
+    strip: Vec<u32>,
     far: Box<FarField<ANCHORS>>,
     grid: Box<FarMap<COLUMNS, ROWS>>,
 }
@@ -55,7 +55,7 @@ impl<const COLUMNS: usize, const ROWS: usize> Memory<COLUMNS, ROWS> {
             colour: vec![[0; 3]; views],
             layers: vec![0; preset.views * levels],
             picture: vec![[0; 4]; levels],
-            strip: vec![(0, 0); preset.strip()],
+            strip: vec![0; preset.strip()],
             far: Box::new(FarField::new(FarParams::default(), [0.0; 3])),
             grid: Box::new(FarMap::new()),
         }

@@ -3,7 +3,6 @@
 use isobath::glam::Vec3;
 use isobath::ground::image::ImageViewMut;
 use isobath::ground::units::Timestamp;
-use isobath::lighting::equirect::direction_of_pixel;
 use isobath::lighting::far::extrapolate::{FarMap, nearest_anchors};
 use isobath::lighting::far::{FarField, FarParams};
 use isobath::lighting::lattice::Lattice;

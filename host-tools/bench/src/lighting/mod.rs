@@ -32,7 +32,7 @@ mod times;
 
 use std::time::Duration;
 
-use isobath_sim::{Scene, orbit_stations};
+use isobath_sim::Scene;
 
 use crate::BenchError;
 use crate::measure::Effort;
@@ -264,7 +264,7 @@ mod tests {
     #[test]
     fn the_few_stations_take_every_height_distance_and_side() {
         let plan = Plan::new(&Options { quick: false, seed: 1 });
-        assert_eq!((plan.stations.len(), plan.few.len()), (orbit_stations(isobath_sim::V3::ZERO).len(), 8));
+        assert_eq!((plan.stations.len(), plan.few.len()), (isobath_sim::orbit_stations(isobath_sim::V3::ZERO).len(), 8));
         let mut sides: Vec<usize> = plan.few.iter().map(|s| s % 8).collect();
         sides.sort_unstable();
         assert_eq!(sides, (0..8).collect::<Vec<_>>());

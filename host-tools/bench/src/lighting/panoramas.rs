@@ -115,8 +115,7 @@ fn mean(map: &LinearImage) -> [f32; 3] {
 
 /// 26 directions: those of a cube's faces, edges and corners.
 fn around() -> Vec<Rigid> {
-    let side = [-1.0, 0.0, 1.0];
-    let all = side.iter().flat_map(|x| side.iter().flat_map(move |y| side.iter().map(move |z| v3(*x, *y, *z))));
+    let all = (0..27).map(|i| v3(f64::from(i % 3 - 1), f64::from(i / 3 % 3 - 1), f64::from(i / 9 - 1)));
     all.filter(|d| d.length() > 0.5).map(|d| Rigid::looking_at(V3::ZERO, d)).collect()
 }
 

@@ -47,7 +47,7 @@ pub(super) fn measure(plan: &Plan, scene: &Scene, tell: &mut dyn FnMut(&str)) ->
         let orbit = orbit_stations(*at);
         // Balls are seen from the eight sides of the middle circle.
         let sides = orbit.iter().skip(4 * CIRCLE).take(CIRCLE).copied().collect();
-        let truth = Truth::new(panorama(scene, *at, 2), sides);
+        let truth = Truth::new(&panorama(scene, *at, 2), sides);
         let found = in_parallel(plan.stations.len(), |job| {
             let station = plan.stations.get(job).copied().unwrap_or_default();
             let mut bench = Bench { scene, at: *at, orbit: &orbit, station, truth: &truth, found: Vec::new() };

@@ -40,7 +40,7 @@ pub(super) struct NearBox {
     colour: Vec<[u8; 3]>,
     layers: Vec<u32>,
     picture: Vec<[u8; 4]>,
-    strip: Vec<(u32, u8)>,
+    strip: Vec<u32>,
 }
 
 impl NearBox {
@@ -51,7 +51,7 @@ impl NearBox {
             colour: vec![[0; 3]; points],
             layers: vec![0; preset.views * cells],
             picture: vec![[0; 4]; cells],
-            strip: vec![(0, 0); preset.strip()],
+            strip: vec![0; preset.strip()],
         }
     }
 

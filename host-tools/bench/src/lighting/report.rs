@@ -93,7 +93,7 @@ impl Report {
         for table in &self.tables {
             let shown: Vec<usize> = (0..table.columns.len()).filter(|i| table.columns[*i].shown).collect();
             let room = WIDTH - NUMBER * shown.len();
-            let longest = table.lines.iter().map(|l| l.name.chars().count() + if l.lost { LOST.len() + 1 } else { 0 }).max();
+            let longest = table.lines.iter().map(|l| l.name.chars().count() + if l.lost { LOST.len() } else { 0 }).max();
             let name = longest.unwrap_or(0).clamp(14, room.max(15) - 1) + 1;
             let _ = writeln!(out, "{}", table.title);
             for part in [|c: &Column| c.head, |c: &Column| c.unit] {
@@ -104,7 +104,7 @@ impl Report {
                 let _ = writeln!(out, "{}", line.trim_end());
             }
             for line in &table.lines {
-                let said = if line.lost { format!("{LOST} {}", line.name) } else { line.name.clone() };
+                let said = if line.lost { format!("{LOST}{}", line.name) } else { line.name.clone() };
                 let mut text: String = format!("{said:<name$}").chars().take(name).collect();
                 for i in &shown {
                     let value = line.cells.get(*i).copied().unwrap_or(f64::NAN);

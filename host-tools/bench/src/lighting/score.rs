@@ -55,8 +55,7 @@ pub(super) fn mean<'a>(all: impl Iterator<Item = &'a Quality>) -> [f64; 8] {
 /// What maps are compared with: seen once, from one side.
 #[derive(Debug)]
 pub(super) struct Truth {
-    /// At [`SIZE`].
-    pub(super) map: LinearImage,
+    /// Of the map, at [`SIZE`].
     bytes: Vec<[u8; 3]>,
     luma: Grey,
     views: Vec<Rigid>,
@@ -66,11 +65,12 @@ pub(super) struct Truth {
 
 impl Truth {
     /// Of a map, with the balls as seen from some sides.
-    pub(super) fn new(map: LinearImage, views: Vec<Rigid>) -> Self {
+    pub(super) fn new(map: &LinearImage, views: Vec<Rigid>) -> Self {
+        let map = brought(map);
         let bytes = map.pixels.iter().map(|p| <[u8; 3]>::of_linear(*p)).collect();
         let luma = Grey::of(&shrunk(&map, SIZE.0 / 2));
         let balls = views.iter().map(|view| render(&map, view)).collect();
-        Self { map, bytes, luma, views, balls }
+        Self { bytes, luma, views, balls }
     }
 
     /// A map's quality; the balls as seen from side `view`.
@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn the_truth_is_perfect_and_less_is_less() {
         let view = Rigid::looking_at(v3(0.0, 0.3, 1.0), V3::ZERO);
-        let truth = Truth::new(pattern(), vec![view]);
+        let truth = Truth::new(&pattern(), vec![view]);
         let q = truth.score(&pattern(), 0);
         for alike in [q.map, q.balls[0], q.balls[1], q.balls[2]] {
             assert!(alike.psnr > 99.9 && (alike.ssim - 1.0).abs() < 1e-6, "{q:?}");
