@@ -38,19 +38,22 @@ pub struct NearParams {
     /// the background shows. 0 is the paper's rule, which lets every difference in distance through and so brings all down to the coarsest level's
     /// resolution. Default 0.5.
     pub margin: f32,
+    /// Points of a view may be so many pixels of the finest level apart before all of them are needed; where they are closer by a factor of 2 or 4, every second or
+    /// fourth will do. 0: all points, always. At most 2. Default 1.
+    pub thin: f32,
     /// Pixels of the finest level over which coverage fades towards its border; 0 is a hard edge. At most 255. Default 3.
     pub seam: u8,
 }
 
 impl Default for NearParams {
     fn default() -> Self {
-        Self { half_side: 1.0, confidence: 128, margin: 0.5, seam: 3 }
+        Self { half_side: 1.0, confidence: 128, margin: 0.5, thin: 1.0, seam: 3 }
     }
 }
 
 impl NearParams {
     /// The paper's rules.
-    pub const PAPER: Self = Self { half_side: 1.0, confidence: 128, margin: 0.0, seam: 0 };
+    pub const PAPER: Self = Self { half_side: 1.0, confidence: 128, margin: 0.0, thin: 0.0, seam: 0 };
 }
 
 /// The memory of a near field, lent by the caller. Lengths in the words of [`Preset`].
@@ -163,8 +166,10 @@ pub struct NearReport {
     pub points: usize,
     /// Pixels with depth, but less confidence than asked for.
     pub unsure: usize,
-    /// Points within the boundary.
+    /// Points within the boundary, of those that were looked at.
     pub inside: usize,
+    /// Pixels that were not looked at when the view was projected: their neighbours are close enough ([`NearParams::thin`]).
+    pub skipped: usize,
     /// View pixels per frame pixel: below 1 where the frame was brought down, as it does not fit.
     pub scale: f32,
 }
@@ -209,6 +214,7 @@ impl<'m> NearField<'m> {
         let params = NearParams {
             half_side: positive(params.half_side, 1.0),
             margin: positive(params.margin, 0.0).min(1e3),
+            thin: positive(params.thin, 0.0).min(2.0),
             ..params
         };
         memory.picture.fill([0; 4]);
@@ -294,7 +300,7 @@ impl<'m> NearField<'m> {
         let slot = slot.unwrap_or_else(oldest);
         let replaced = self.view(slot).map(|v| v.id);
         let n = self.preset.view_pixels();
-        let mut report = NearReport { slot, replaced, points: 0, unsure: 0, inside: 0, scale: view.scale };
+        let mut report = NearReport { slot, replaced, points: 0, unsure: 0, inside: 0, skipped: 0, scale: view.scale };
         let pixels = slot * n..slot * n + view.width * view.height;
         if let Some(depth) = self.memory.depth.get_mut(pixels.clone())
             && let Some(colour) = self.memory.colour.get_mut(pixels)
@@ -304,7 +310,7 @@ impl<'m> NearField<'m> {
         if let Some(place) = self.views.get_mut(slot) {
             *place = Some(view);
         }
-        report.inside = self.project(slot, map);
+        (report.inside, report.skipped) = self.project(slot, map);
         Ok(report)
     }
 
@@ -349,24 +355,25 @@ impl<'m> NearField<'m> {
         usize::BITS - (self.preset.view_pixels() - 1).leading_zeros()
     }
 
-    /// Projects a view onto its layer; the points inside the boundary.
-    fn project(&mut self, slot: usize, map: &MapFrame) -> usize {
+    /// Projects a view onto its layer; the points inside the boundary, and those not looked at.
+    fn project(&mut self, slot: usize, map: &MapFrame) -> (usize, usize) {
         self.clear(slot);
-        let Some(view) = self.view(slot).copied() else { return 0 };
+        let Some(view) = self.view(slot).copied() else { return (0, 0) };
         let n = self.preset.view_pixels();
         let layer = project::Layer {
             size: self.preset.finest(),
             half_side: self.params.half_side,
             pixel_bits: self.pixel_bits(),
+            thin: self.params.thin,
         };
         let depth = self.memory.depth.get(slot * n..slot * n + view.width * view.height).unwrap_or_default();
         let m = self.preset.level_pixels();
         let cells = self.memory.layers.get_mut(slot * m..(slot + 1) * m).unwrap_or_default();
-        let (inside, span) = layer.project(&view, depth, map, cells);
+        let done = layer.project(&view, depth, map, cells);
         if let Some(place) = self.spans.get_mut(slot) {
-            *place = span;
+            *place = done.span;
         }
-        inside
+        (done.inside, done.skipped)
     }
 
     /// The picture: sRGB as the cameras saw it, and coverage (0 none, 255 whole), at the finest level's size. As of the last [`Self::merge`].
