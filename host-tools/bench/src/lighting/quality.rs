@@ -9,7 +9,7 @@ use isobath::sensing::camera::Pose;
 use isobath_sim::{LinearImage, Scene, V3, orbit_stations};
 
 use super::Plan;
-use super::reconstruct::{Recipe, reconstruct};
+use super::reconstruct::{Recipe, Unseen, reconstruct};
 use super::score::{Quality, Truth};
 use super::sights::{FAR, Sight, guided, in_parallel, panorama};
 use crate::BenchError;
@@ -158,6 +158,8 @@ impl Bench<'_> {
             ("hard seam", Recipe { near: NearParams { seam: 0, ..NearParams::default() }, ..recipe }),
             ("no parallax afar", Recipe { sampling: parallax, ..recipe }),
             ("all of the paper's", Recipe { near: NearParams::PAPER, sampling: parallax, ..recipe }),
+            ("trial: unseen is mean", Recipe { unseen: Unseen::Mean, ..recipe }),
+            ("trial: as around it", Recipe { unseen: Unseen::Around, ..recipe }),
         ];
         for (row, recipe) in rules {
             self.put(RULES, row, &reconstruct(&recipe, at, &[own], &far, ambient)?);
