@@ -11,6 +11,7 @@
 //! |---|---|---|
 //! | edges | [`wire`] | forms in which frames travel or lie in flash |
 //! | answers | [`localized`] | a few points of one frame: normals, hits, rays, placement, paths |
+//! | | [`lighting`] | what light falls on an object |
 //! | skipping | [`skipping`] | what needs no work: min/max depth pyramid |
 //! | sensing | [`sensing`] | depth values, cameras, poses, frames |
 //! | ground | [`ground`] | images, time, arithmetic |

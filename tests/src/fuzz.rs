@@ -15,7 +15,7 @@ mod sensing;
 use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::glam::{Quat, Vec2, Vec3};
 
-pub use decode::{depth16, disparity, metres, projective, rvl, u16_bytes};
+pub use decode::{depth16, disparity, key_frame, metres, projective, rvl, u16_bytes};
 pub use features::features;
 pub use localized::localized;
 pub use parsers::{camera_file, depth_png, lists, npy, pgm};
@@ -32,6 +32,7 @@ pub const TARGETS: &[Target] = &[
     ("decode_disparity", disparity),
     ("decode_projective", projective),
     ("decode_rvl", rvl),
+    ("decode_key_frame", key_frame),
     ("camera", camera),
     ("pose", pose),
     ("rectify", rectify),

@@ -41,7 +41,7 @@ impl Colour for [u8; 3] {
     }
 }
 
-/// Three mantissas of 9 bits under one exponent of 5 (OpenGL `RGB9_E5`, EXT_texture_shared_exponent): 4 bytes of colour
+/// Three mantissas of 9 bits under one exponent of 5 (OpenGL `RGB9_E5`, `EXT_texture_shared_exponent`): 4 bytes of colour
 /// from 6e-8 to 65,408, to 1/512 of the largest channel.
 ///
 /// ```

@@ -92,12 +92,12 @@ impl<'a> Over<'a> {
         columns: core::ops::Range<usize>,
         out: &mut ImageViewMut<'_, C>,
     ) {
-        let blended = far.blended(y, self.map.1);
         let width = self.map.0;
         let Some(to) = out.row_mut(y).get_mut(columns.clone()) else { return };
         if self.taps == 1 && self.picture.width() == width {
             let over = self.picture.row(self.row_of(y, 0)).get(columns.clone()).unwrap_or_default();
             // Where nothing shines through, what is behind need not be known.
+            let mut blended = None;
             let mut x = 0;
             while x < over.len() {
                 let whole = over.iter().skip(x).take_while(|p| p[3] == 255).count();
@@ -107,8 +107,12 @@ impl<'a> Over<'a> {
                 }
                 x += whole;
                 let rest = over.iter().skip(x).take_while(|p| p[3] != 255).count();
+                if rest == 0 {
+                    break;
+                }
+                let blended = blended.get_or_insert_with(|| far.blended(y, self.map.1));
                 let mut pixels = to.iter_mut().zip(over).skip(x).take(rest);
-                far.columns(&blended, columns.start + x..columns.start + x + rest, width, |_, light| {
+                far.columns(blended, columns.start + x..columns.start + x + rest, width, |_, light| {
                     if let Some((to, over)) = pixels.next() {
                         *to = C::of_linear(lay(*over, light));
                     }
@@ -118,6 +122,7 @@ impl<'a> Over<'a> {
             return;
         }
         let mut to = to.iter_mut();
+        let blended = far.blended(y, self.map.1);
         far.columns(&blended, columns, width, |x, light| {
             let Some(to) = to.next() else { return };
             let (mut sum, mut cover) = ([0.0_f32; 3], 0.0_f32);
@@ -144,7 +149,7 @@ impl<'a> Over<'a> {
 
 /// One pixel over the light from afar.
 #[inline(always)]
-fn lay([r, g, b, a]: [u8; 4], [fr, fg, fb]: [f32; 3]) -> [f32; 3] {
+pub(super) fn lay([r, g, b, a]: [u8; 4], [fr, fg, fb]: [f32; 3]) -> [f32; 3] {
     match a {
         0 => [fr, fg, fb],
         255 => [r, g, b].linear(),

@@ -34,7 +34,7 @@ pub(crate) fn half_turn(s: f32, cos: f32) -> f32 {
     let p = -0.021_061_512 + q * p;
     let p = 0.031_525_116 + q * p;
     let p = -0.053_026_238 + q * p;
-    let octant = t * (0.159_154_324 + q * p);
+    let octant = t * (0.159_154_32 + q * p);
     let quarter = if steep { 0.25 - octant } else { octant };
     // 1/2 less it where the cosine is negative, by bits: what compares and blends costs twice as much.
     let sign = cos.to_bits() & SIGN;
@@ -114,7 +114,7 @@ impl MapFrame {
     }
 
     /// Camera axes into the map's: rows of the matrix that turns, and where the camera is from the map's place (both in the map's axes).
-    pub(crate) fn from_camera(&self, camera: &Pose) -> (Mat3, Vec3) {
+    pub(crate) fn of_camera(&self, camera: &Pose) -> (Mat3, Vec3) {
         let turn = crate::ground::rotation::product(self.rotation, camera.rotation());
         let column = |axis| crate::ground::rotation::rotate(turn, axis);
         let matrix = Mat3::from_cols(column(Vec3::X), column(Vec3::Y), column(Vec3::Z));

@@ -154,7 +154,7 @@ mod tests {
     }
 
     fn same_as_a_search<const N: usize>(d: Vec3, from: usize) {
-        let d = d.normalize();
+        let d = d.try_normalize().unwrap();
         assert_eq!(Lattice::<N>::nearest_from(d, from), brute::<N>(d), "of {N} near {d}, from {from}");
         let unit = crate::ground::geometry::unit(d).unwrap();
         assert_eq!(Lattice::<N>::nearest(d), brute::<N>(unit), "of {N} near {d}");

@@ -7,8 +7,10 @@
 
 use core::fmt;
 
+use glam::Vec3;
+
 use super::compose::{self, ComposeReport};
-use super::equirect::MapFrame;
+use super::equirect::{MapFrame, pixel_of_uv, uv_of_direction};
 use super::far::extrapolate::{FarMap, FarMapReport};
 use super::far::observe::{FarError, FarSampling};
 use super::far::{FarField, FarReport};
@@ -190,6 +192,15 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
         self.near.project_all(&map);
         self.moved = true;
         self.whole = true;
+    }
+
+    /// The light from a unit direction (map's axes), near over far, as of the last drawing: for cube maps and single rays.
+    #[must_use]
+    pub fn towards(&self, direction: Vec3) -> [f32; 3] {
+        let far = self.grid.towards(direction);
+        let picture = self.near.picture();
+        let over = pixel_of_uv(uv_of_direction(direction), picture.size()).and_then(|(x, y)| picture.get(x, y));
+        over.map_or(far, |over| compose::lay(over, far))
     }
 
     /// Draws what changed since the last drawing into the map, which must be the same image as then (the first time any).

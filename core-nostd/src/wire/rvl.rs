@@ -113,16 +113,23 @@ impl Writer<'_> {
 /// # Ok::<(), rvl::RvlError>(())
 /// ```
 pub fn encode(depth: ImageView<'_, u16>, out: &mut [u8]) -> Result<usize, RvlError> {
+    encode_pixels(depth.rows().flatten().copied(), depth.rows().flatten().copied(), out)
+}
+
+/// As [`encode`], of pixels that are made on the way, twice over: two pairs of eyes on the same image, one that counts the run
+/// and one that writes it.
+pub(crate) fn encode_pixels(
+    mut ahead: impl Iterator<Item = u16>,
+    mut pixels: impl Iterator<Item = u16>,
+    out: &mut [u8],
+) -> Result<usize, RvlError> {
     let mut writer = Writer { out, at: 0, word: 0, held: 0 };
     let mut previous = 0_i32;
-    // Two pairs of eyes on the same pixels: one counts the run, the other writes it.
-    let mut ahead = depth.rows().flatten();
-    let mut pixels = depth.rows().flatten();
     let mut next = ahead.next();
     while next.is_some() {
         let mut run = |holes: bool| {
             let mut length = 0_u32;
-            while next.is_some_and(|v| (*v == 0) == holes) {
+            while next.is_some_and(|v| (v == 0) == holes) {
                 length += 1;
                 next = ahead.next();
             }
@@ -131,7 +138,7 @@ pub fn encode(depth: ImageView<'_, u16>, out: &mut [u8]) -> Result<usize, RvlErr
         let (holes, readings) = (run(true), run(false));
         writer.number(holes)?;
         writer.number(readings)?;
-        for &value in pixels.by_ref().skip(holes as usize).take(readings as usize) {
+        for value in pixels.by_ref().skip(holes as usize).take(readings as usize) {
             let step = i32::from(value) - previous;
             writer.number((step << 1 ^ step >> 31) as u32)?;
             previous = i32::from(value);

@@ -4,6 +4,7 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::ground::image::{ImageView, ImageViewMut};
 use isobath::sensing::depth::decode::{self, ByteOrder, DecodeError, DecodeReport, Disparity, Projective};
 use isobath::sensing::depth::{DepthSample, DepthUnit};
+use isobath::wire::keyframe::{self, KeyFrame, crc32};
 use isobath::wire::rvl as wire;
 
 use super::{elements, fill, number, shape, word};
@@ -161,4 +162,51 @@ pub fn rvl(data: &[u8]) {
         assert_eq!(back, out);
         Ok(())
     })();
+}
+
+/// [`keyframe`]: any message is a key frame or refused; what is one can be decoded or says why not. Half of them get the magic,
+/// length and CRC that they should have: else none would get past the first eight bytes.
+pub fn key_frame(data: &[u8]) {
+    let Some((&seal, rest)) = data.split_first() else { return };
+    let mut message = rest.to_vec();
+    if seal % 2 == 1 && message.len() >= keyframe::PREFIX + 4 {
+        let length = message.len();
+        message[..2].copy_from_slice(&keyframe::MAGIC);
+        message[2] = keyframe::VERSION;
+        message[4..8].copy_from_slice(&(length as u32).to_le_bytes());
+        let crc = crc32(&message[..length - 4]);
+        message[length - 4..].copy_from_slice(&crc.to_le_bytes());
+    }
+    match KeyFrame::decode(&message) {
+        Err(error) => assert!(!error.to_string().is_empty()),
+        Ok(KeyFrame::Init(init)) => {
+            let mut again = vec![0; message.len()];
+            assert_eq!(keyframe::encode_init(&init, &mut again), Ok(message.len()));
+            let again = KeyFrame::decode(&again).expect("what was decoded can be sent");
+            assert_eq!(again, KeyFrame::Init(init));
+        }
+        Ok(KeyFrame::Near(near)) => {
+            let (width, height) = near.size();
+            assert!(near.readings() > 0 && near.readings() <= width * height);
+            // What no caller here would have room for.
+            if width * height > 1 << 14 {
+                return;
+            }
+            let (mut depth, mut colour) = (vec![3; width * height], vec![[3; 3]; width * height]);
+            let read = near.depth_into(&mut ImageViewMut::new(&mut depth, width, height).expect("as long as asked"));
+            let holes = depth.iter().filter(|v| **v == 0).count();
+            assert!(read.is_err() || holes + near.readings() == depth.len());
+            let view = ImageView::new(&depth, width, height).expect("as long as asked");
+            let mut out = ImageViewMut::new(&mut colour, width, height).expect("as long as asked");
+            if near.colour_into(view, &mut out).is_ok() {
+                assert!(colour.iter().zip(&depth).all(|(c, d)| *d > 0 || *c == [0; 3]));
+            }
+        }
+        Ok(KeyFrame::Far(far)) => {
+            let (width, height) = far.size();
+            assert!((far.rotation().length() - 1.0).abs() < 1e-5);
+            let mut picture = vec![[3; 3]; width * height];
+            let _ = far.colour_into(&mut ImageViewMut::new(&mut picture, width, height).expect("as long as asked"));
+        }
+    }
 }

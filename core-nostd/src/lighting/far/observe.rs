@@ -89,7 +89,7 @@ impl<const N: usize> FarField<N> {
         map: &MapFrame,
         time: Timestamp,
     ) -> FarReport {
-        let (turn, _) = map.from_camera(camera);
+        let (turn, _) = map.of_camera(camera);
         let mut putter = Putter::new(self, time);
         for (y, row) in image.rows().enumerate() {
             for (x, pixel) in row.iter().enumerate() {
@@ -111,7 +111,7 @@ impl<const N: usize> FarField<N> {
         sampling: &FarSampling,
     ) -> Result<FarReport, FarError> {
         let (colour, crop) = frame.colour().ok_or(FarError::NoColour)?;
-        let (turn, origin) = map.from_camera(&frame.pose().ok_or(FarError::NoPose)?);
+        let (turn, origin) = map.of_camera(&frame.pose().ok_or(FarError::NoPose)?);
         let (width, height) = colour.size();
         let (columns, rows) = (sampling.columns.clamp(1, width.max(1)), sampling.rows.clamp(1, height.max(1)));
         let mut putter = Putter::new(self, frame.time());

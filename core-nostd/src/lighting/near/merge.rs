@@ -190,32 +190,58 @@ fn nearest(key: &mut u32, view: &mut u32, keys: &[u32], views: &[u32]) {
     }
 }
 
-/// A level's points before the finer level's, where those are none or farther by the margin.
+/// A level's points before the finer level's, where those are none or farther by the margin: `keys` and `views` of both, finer first.
 fn resolve(
-    (fine_keys, keys): (&mut [u32], &mut [u32]),
-    (fine_views, views): (&mut [u32], &mut [u32]),
+    keys: (&mut [u32], &mut [u32]),
+    views: (&mut [u32], &mut [u32]),
     fine: usize,
     coarse: usize,
     bits: u32,
     farther: f32,
 ) {
     let ratio = (fine / coarse.max(1)).max(1);
-    let blocks = fine_keys.chunks_mut(fine * ratio).zip(fine_views.chunks_mut(fine * ratio));
-    for ((fine_keys, fine_views), (keys, views)) in blocks.zip(keys.chunks(coarse).zip(views.chunks(coarse))) {
-        for (fine_keys, fine_views) in fine_keys.chunks_mut(fine).zip(fine_views.chunks_mut(fine)) {
-            let blocks = fine_keys.chunks_mut(ratio).zip(fine_views.chunks_mut(ratio));
-            for ((fine_keys, fine_views), (key, view)) in blocks.zip(keys.iter().zip(views)) {
-                if *key == EMPTY {
-                    continue;
-                }
-                // In steps of distance; what is nearer than this stays.
-                let limit = ((key >> bits) as f32 * farther) as u32;
-                for (fine_key, fine_view) in fine_keys.iter_mut().zip(fine_views) {
-                    if *fine_key == EMPTY || *fine_key >> bits > limit {
-                        (*fine_key, *fine_view) = (*key, *view);
-                    }
+    let fine_rows = keys.0.chunks_mut(fine).zip(views.0.chunks_mut(fine));
+    for (y, (fine_keys, fine_views)) in fine_rows.enumerate() {
+        let row = y / ratio * coarse;
+        let (Some(keys), Some(views)) = (keys.1.get(row..row + coarse), views.1.get(row..row + coarse)) else { return };
+        match ratio {
+            2 => resolve_row::<2>(fine_keys, fine_views, keys, views, bits, farther),
+            4 => resolve_row::<4>(fine_keys, fine_views, keys, views, bits, farther),
+            _ => {
+                let blocks = fine_keys.chunks_mut(ratio).zip(fine_views.chunks_mut(ratio));
+                for ((fine_keys, fine_views), (key, view)) in blocks.zip(keys.iter().zip(views)) {
+                    put_before(fine_keys, fine_views, *key, *view, bits, farther);
                 }
             }
         }
+    }
+}
+
+fn resolve_row<const RATIO: usize>(
+    fine_keys: &mut [u32],
+    fine_views: &mut [u32],
+    keys: &[u32],
+    views: &[u32],
+    bits: u32,
+    farther: f32,
+) {
+    let blocks = fine_keys.as_chunks_mut::<RATIO>().0.iter_mut().zip(fine_views.as_chunks_mut::<RATIO>().0);
+    for ((fine_keys, fine_views), (key, view)) in blocks.zip(keys.iter().zip(views)) {
+        put_before(fine_keys, fine_views, *key, *view, bits, farther);
+    }
+}
+
+/// A coarse point before the fine ones that are none (none is the largest key) or farther by the margin.
+#[inline(always)]
+fn put_before(fine_keys: &mut [u32], fine_views: &mut [u32], key: u32, view: u32, bits: u32, farther: f32) {
+    if key == EMPTY {
+        return;
+    }
+    // In steps of distance; what is nearer than this stays. Steps are 12 bits and more: that many are exact in `f32` up to 2^24.
+    let limit = ((key >> bits) as f32 * farther) as i32 as u32;
+    for (fine_key, fine_view) in fine_keys.iter_mut().zip(fine_views) {
+        let hidden = *fine_key == EMPTY || *fine_key >> bits > limit;
+        *fine_key = if hidden { key } else { *fine_key };
+        *fine_view = if hidden { view } else { *fine_view };
     }
 }

@@ -16,6 +16,8 @@
 mod merge;
 mod project;
 mod seam;
+#[cfg(test)]
+mod tests;
 pub mod view;
 
 use core::fmt;

@@ -78,7 +78,7 @@ impl Layer {
 
     #[inline(always)]
     fn rows(&self, view: &View, depth: &[u16], map: &MapFrame, cells: &mut [u32]) -> Projected {
-        let (turn, origin) = map.from_camera(&view.pose);
+        let (turn, origin) = map.of_camera(&view.pose);
         let step = turn * Vec3::X / view.intrinsics.fx();
         let unit = view.unit.metres();
         // A point is `depth / focal` from its neighbour, and a pixel of the layer as wide as an angle times the distance.

@@ -69,6 +69,20 @@ impl CropMap {
         (inside(pixel, self.depth) && inside(p, self.colour)).then_some(p)
     }
 
+    /// The colour image's intrinsics from the depth image's.
+    ///
+    /// # Errors
+    /// [`IntrinsicsError`] when the scale takes them out of bounds.
+    pub fn colour_intrinsics(&self, depth: &Intrinsics) -> Result<Intrinsics, IntrinsicsError> {
+        let back = 1.0 / self.scale;
+        Intrinsics::new(
+            depth.fx() * back,
+            depth.fy() * back,
+            (depth.cx() - self.offset.x) * back,
+            (depth.cy() - self.offset.y) * back,
+        )
+    }
+
     /// The depth image's intrinsics from the colour image's.
     ///
     /// # Errors
@@ -110,6 +124,8 @@ mod tests {
             let (c, d) = (kc.project(p).unwrap(), kd.project(p).unwrap());
             assert!((map.depth_from_colour(c).unwrap() - d).length() < 1e-3);
             assert!((map.colour_from_depth(d).unwrap() - c).length() < 1e-2);
+            let again = map.colour_intrinsics(&kd).unwrap();
+            assert!((again.project(p).unwrap() - c).length() < 1e-2);
         }
     }
 

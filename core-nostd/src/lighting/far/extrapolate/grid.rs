@@ -197,27 +197,33 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             let again = if Self::BLOCKS % 2 == 1 { (turned << 1 | turned >> (Self::BLOCKS - 1)) & all } else { turned };
             fresh |= if across { turned | again } else { bits };
         }
-        // A column of the grid is felt two and a half columns away.
-        let pixel = |column: usize| column * width / COLUMNS.max(1);
+        // A column of the grid is felt two and a half columns away, around the seam too.
+        let pixels = |run: Range<usize>| run.start * width / COLUMNS.max(1)..(run.end * width).div_ceil(COLUMNS.max(1));
+        let last = Self::BLOCKS.saturating_sub(1);
+        let mut held = if fresh >> last & 1 == 1 { 0..REACH } else { 0..0 };
+        let mut add = |from: usize, to: usize| {
+            if from <= held.end {
+                held.end = held.end.max(to);
+            } else {
+                let run = core::mem::replace(&mut held, from..to);
+                if !run.is_empty() {
+                    tell(pixels(run));
+                }
+            }
+        };
         let mut block = 0;
         while block < Self::BLOCKS {
             let run = (fresh >> block).trailing_ones() as usize;
-            if run == 0 {
-                block += 1;
-                continue;
+            if run > 0 {
+                add((block * LANES).saturating_sub(REACH), ((block + run) * LANES + REACH).min(COLUMNS));
             }
-            let (from, to) = (block * LANES, (block + run) * LANES + REACH);
-            match from.checked_sub(REACH) {
-                Some(from) => tell(pixel(from)..pixel(to.min(COLUMNS))),
-                None => {
-                    tell(pixel(COLUMNS.saturating_sub(REACH - from)).min(width)..width);
-                    tell(0..pixel(to.min(COLUMNS)));
-                }
-            }
-            if to > COLUMNS {
-                tell(0..pixel((to - COLUMNS).min(COLUMNS)));
-            }
-            block += run;
+            block += run.max(1);
+        }
+        if fresh & 1 == 1 {
+            add(COLUMNS.saturating_sub(REACH), COLUMNS);
+        }
+        if !held.is_empty() {
+            tell(pixels(held));
         }
     }
 

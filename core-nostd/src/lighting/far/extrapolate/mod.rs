@@ -1,6 +1,6 @@
 //! Anchor extrapolation: light between the anchors (LitAR 4.4.2, Eq. 1).
 //!
-//! The paper prints c = (2 / N) sum max(p . n, 0)^w c_j, which gives back 1 / (w + 1) of the light: for anchors all of one colour, 0.8 % of it at w = 128. Here the
+//! The paper prints `c = (2 / N) sum max(p . n, 0)^w c_j`, which gives back 1 / (w + 1) of the light: for anchors all of one colour, 0.8 % of it at w = 128. Here the
 //! sum is divided by its weights, so a uniform sphere stays uniform. w is 128 for 1280 anchors and in proportion for others (a power of two, so that
 //! powering is squaring), and an anchor that was never seen counts 1/64.
 //!
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn lists_hold_the_nearest() {
-        let d = Vec3::new(0.3, -0.5, 0.9).normalize();
+        let d = crate::ground::geometry::unit(Vec3::new(0.3, -0.5, 0.9)).unwrap();
         let list = nearest_anchors::<1280, 32>(d);
         assert_eq!(usize::from(list[0]), Lattice::<1280>::nearest(d).unwrap());
         let cosine = |i: u16| Lattice::<1280>::direction(usize::from(i)).dot(d);

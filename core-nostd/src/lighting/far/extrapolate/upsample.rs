@@ -94,19 +94,24 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
     #[inline(always)]
     pub(crate) fn runs(columns: Range<usize>, width: usize, mut tell: impl FnMut(usize, usize, Place)) {
         let step = COLUMNS as f32 / width.max(1) as f32;
+        let each = width as f32 / COLUMNS.max(1) as f32;
         let mut x = columns.start;
+        // Two columns stand before the first, and the four neighbours begin one before. Of `x` alone, so that a pixel is the same to the bit
+        // whichever run it is in.
+        let place = |x: usize| (x as f32 + 0.5) * step + 0.5;
         while x < columns.end {
-            // Two columns stand before the first, and the four neighbours begin one before.
-            let at = (x as f32 + 0.5) * step + 0.5;
-            let cell = at as usize;
-            let first = at - cell as f32;
-            // As many as stay below the next column, found by counting: eight or fewer.
+            let cell = place(x) as usize;
+            // As many as stay below the next column: eight or fewer.
+            let next = (cell + 1) as f32;
             let most = LANES.min(columns.end - x);
-            let mut n = 1;
-            while n < most && first + n as f32 * step < 1.0 {
+            let mut n = (((next - place(x)) * each) as usize + 1).min(most);
+            while n > 1 && place(x + n - 1) >= next {
+                n -= 1;
+            }
+            while n < most && place(x + n) < next {
                 n += 1;
             }
-            tell(x, n, Place { cell, first, step });
+            tell(x, n, Place { cell, first: x as f32 + 0.5, step });
             x += n;
         }
     }
@@ -134,7 +139,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
 pub(crate) struct Place {
     /// First of the four columns.
     cell: usize,
-    /// Of the first pixel, the part of the way between the middle two.
+    /// The first pixel's middle.
     first: f32,
     /// From pixel to pixel.
     step: f32,
@@ -144,7 +149,8 @@ impl Blended {
     /// The light of eight pixels from a place on: red, green, blue.
     #[inline(always)]
     pub(crate) fn light(&self, place: Place) -> [Lanes; 3] {
-        let t = Lanes::splat(place.first) + Lanes::index() * place.step;
+        let t = ((Lanes::splat(place.first) + Lanes::index()) * place.step + Lanes::splat(0.5))
+            - Lanes::splat(place.cell as f32);
         let mut out = [Lanes::ZERO; 3];
         for (out, plane) in out.iter_mut().zip(&self.0) {
             let four = plane.get(place.cell..).and_then(|p| p.first_chunk()).copied().unwrap_or_default();
