@@ -493,8 +493,9 @@ impl PresetName {
     }
 }
 
-/// A place in a recording, and how its light is gathered.
+/// A place in a recording, and how its light is gathered. (Where it may be left out, `--at` is what tells.)
 #[derive(Debug, Args)]
+#[group(arg = "at")]
 pub(crate) struct LightArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -507,6 +508,14 @@ pub(crate) struct LightArgs {
     #[arg(long, value_enum, help_heading = "Light")]
     pub(crate) preset: Option<PresetName>,
 
+    /// Say which of so many directions away from the place were seen, and where to look next: 1, 3, 5 or 9
+    #[arg(long, value_name = "N", help_heading = "Light")]
+    pub(crate) guided: Option<usize>,
+
+    /// Take every frame, also those that motion may have blurred and those with nothing new
+    #[arg(long, help_heading = "Light")]
+    pub(crate) all: bool,
+
     /// Light of directions never seen, linear, 1 is a camera's white [default: the mean of the first frame]
     #[arg(long, value_name = "R,G,B", value_parser = numbers::<3>, help_heading = "Light")]
     pub(crate) ambient: Option<[f32; 3]>,
@@ -518,8 +527,9 @@ Examples:
   isobath envmap sim:living-room --at=-0.35,0.53,-0.5 --out table.exr
   isobath envmap scans/kitchen --at 0,0.8,1.5 --preset high --out kitchen.hdr
 
-Every frame of SRC is offered, in order; frames that see the place are near
-views, all bring light from afar. SRC needs poses and colour. The map is
+Every frame of SRC is offered, in order; those are taken that are still (less
+than 10 cm and 10 degrees within five frames) and show something new. Frames that
+see the place are near views, all bring light from afar. SRC needs poses and colour. The map is
 equirectangular: up in the first row, linear (EXR, HDR) or sRGB (PNG). Its
 middle column looks along -z where y is up.")]
 pub(crate) struct EnvmapArgs {

@@ -16,6 +16,8 @@ use isobath::lighting::equirect::{MapFrame, direction_of_pixel};
 use isobath::lighting::far::extrapolate::FarMap;
 use isobath::lighting::far::harmonics::{Harmonics, MainLight};
 use isobath::lighting::far::{FarField, FarParams};
+use isobath::lighting::policy::guided::{Directions, Guide, GuideParams, Next};
+use isobath::lighting::policy::motion::{AutoCapture, Decision, MotionParams};
 use isobath::lighting::near::{NearField, NearMemory, NearParams};
 use isobath::lighting::{Observed, Preset, Session};
 use isobath::sensing::depth::DepthSample;
@@ -168,7 +170,12 @@ pub(crate) fn view_from(from: Vec3) -> Rigid {
 /// What was taken of a recording.
 #[derive(Debug, Default)]
 pub(crate) struct Taken {
+    /// Frames offered, and taken.
+    pub(crate) offered: usize,
     pub(crate) frames: usize,
+    /// Not taken: the camera moved; there was nothing new.
+    moving: usize,
+    not_new: usize,
     pub(crate) near: usize,
     pub(crate) points: usize,
     pub(crate) unsure: usize,
@@ -194,6 +201,8 @@ pub(crate) struct Light {
     seen: usize,
     near_share: f32,
     memory: [(&'static str, usize); 5],
+    /// And where to look next.
+    guide: Option<(Guide, Next)>,
 }
 
 /// Offers every frame of a recording to a session at a place.
@@ -224,6 +233,9 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
     let mut out = ImageViewMut::new(&mut pixels, preset.map.0, preset.map.1)
         .map_err(|e| Failure::of(&e, "environment map"))?;
     let mut taken = Taken::default();
+    let mut policy = AutoCapture::<5, 5>::new(MotionParams::default()).map_err(|e| Failure::of(&e, "capture"))?;
+    let mut guide: Option<Guide> = None;
+    let mut last = isobath::sensing::camera::Pose::IDENTITY;
     let mut camera = Vec3::Z;
     let frames = source.recording().len();
     let bar = crate::commands::run::progress(frames);
@@ -240,7 +252,32 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
             taken.left_out.push(format!("frame {index} left out: it has no pose or no colour"));
             continue;
         };
-        let id = u32::try_from(index).unwrap_or(u32::MAX);
+        taken.offered += 1;
+        if guide.is_none()
+            && let Some(directions) = args.guided
+            && (index + 1 == frames || with_frame!(frame, |f| session.sees(f)))
+        {
+            guide = Some(guide_from(args.at, pose.translation(), up.direction, directions)?);
+        }
+        let (k, size) = with_frame!(frame, |f| (*f.intrinsics(), f.size()));
+        let asked_for = |guide: &Option<Guide>| guide.is_some_and(|mut g| g.observe(&pose, &k, size) > 0);
+        let id = match policy.offer(Some(&pose), frame.time) {
+            _ if args.all => u32::try_from(index).unwrap_or(u32::MAX),
+            Decision::Capture { view, .. } => u32::from(view),
+            Decision::Moving { .. } | Decision::Blind => {
+                taken.moving += 1;
+                continue;
+            }
+            // A direction that the user was asked to look in; the policy's own ids are below.
+            _ if asked_for(&guide) => u32::try_from(index).unwrap_or(u32::MAX).saturating_add(0x1_0000),
+            _ => {
+                taken.not_new += 1;
+                continue;
+            }
+        };
+        if let Some(guide) = &mut guide {
+            guide.observe(&pose, &k, size);
+        }
         let start = Instant::now();
         let observed = with_frame!(frame, |f| session.observe(f, id))
             .map_err(|e| Failure::of(&e, format!("{}, frame {index}", source.name())))?;
@@ -250,11 +287,13 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
         taken.observe.push(u64::try_from((between - start).as_nanos()).unwrap_or(u64::MAX));
         taken.take(&observed);
         camera = map.direction(pose.translation() - map.at);
+        last = pose;
     }
     bar.finish_and_clear();
     if taken.frames == 0 {
         return Err(Failure::new("no frame could be used").at(source.name()).advise(taken.left_out.join("; ")));
     }
+    let next = guide.map(|g| g.next(&last));
     let (kept, seen, near_share) = (session.near().len(), session.far().seen(), near_share(&session));
     let map_of = LinearImage { width: preset.map.0, height: preset.map.1, pixels };
     Ok(Light {
@@ -269,7 +308,16 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
         seen,
         near_share,
         memory: memory_of,
+        guide: guide.zip(next),
     })
+}
+
+/// Which ways to look, from where the object is seen.
+fn guide_from(at: Vec3, viewer: Vec3, up: Vec3, directions: usize) -> Outcome<Guide> {
+    let failed = |e: &dyn std::error::Error| Failure::of(e, "--guided");
+    let directions = Directions::of_count(directions)
+        .ok_or_else(|| Failure::new("there is no such grid").at("--guided").advise("give 1, 3, 5 or 9"))?;
+    Guide::new(at, viewer, up, GuideParams { directions, ..GuideParams::default() }).map_err(|e| failed(&e))
 }
 
 fn nanos(since: Instant) -> u64 {
@@ -324,7 +372,16 @@ impl Light {
             self.source.name(),
             self.preset.name()
         ));
-        say.fact("frames", &format!("{} offered, {} taken", t.frames + t.left_out.len(), t.frames));
+        say.fact(
+            "frames",
+            &format!(
+                "{} of {} taken; not taken: {} while the camera moved, {} with nothing new",
+                t.frames, t.offered, t.moving, t.not_new
+            ),
+        );
+        if t.moving > t.frames {
+            say.fact("note", "most frames count as blurred; give --all when the camera stood still for each");
+        }
         if t.near == 0 {
             say.fact("near views", "none: no frame sees the place, so all light is from afar");
         } else {
@@ -344,6 +401,9 @@ impl Light {
                 100.0 * self.near_share
             ),
         );
+        if let Some((guide, next)) = &self.guide {
+            say.fact("guided", &guided_sentence(guide, next));
+        }
         for note in t.left_out.iter().take(5) {
             say.fact("note", note);
         }
@@ -391,11 +451,37 @@ impl Light {
                     "observe": { "median_ns": observe, "worst_ns": o_worst },
                     "draw": { "median_ns": draw, "worst_ns": d_worst },
                 },
+                "frames_offered": t.offered, "not_taken_moving": t.moving, "not_taken_not_new": t.not_new,
+                "guided": self.guide.as_ref().map(|(guide, next)| guided_json(guide, next)),
                 "memory_bytes": memory, "up": self.up.json(), "notes": t.left_out,
             }),
         );
         out
     }
+}
+
+/// Which directions are done, and where to turn from where the camera looked last.
+fn guided_sentence(guide: &Guide, next: &Next) -> String {
+    let done = format!("{} of {} directions seen", guide.done(), guide.directions().len());
+    let Next::Look(turn) = next else { return done };
+    let side = if turn.yaw < 0.0 { "left" } else { "right" };
+    let height = if turn.pitch < 0.0 { "down" } else { "up" };
+    format!(
+        "{done}; next, from the last frame: {:.0}° to the {side}, {:.0}° {height}",
+        turn.yaw.to_degrees().abs(),
+        turn.pitch.to_degrees().abs()
+    )
+}
+
+fn guided_json(guide: &Guide, next: &Next) -> Value {
+    let directions: Vec<Value> = (guide.directions().iter().enumerate())
+        .map(|(i, d)| json!({ "direction": d.to_array(), "seen": guide.is_done(i) }))
+        .collect();
+    let next = match next {
+        Next::Look(turn) => json!({ "direction": turn.direction.to_array(), "yaw_rad": turn.yaw, "pitch_rad": turn.pitch }),
+        Next::Done => Value::Null,
+    };
+    json!({ "directions": directions, "seen": guide.done(), "next": next })
 }
 
 /// A main light for people: from where, how strong beside the rest.

@@ -49,7 +49,7 @@ fn of(path: &Path) -> Result<Vec<Line>, BenchError> {
     let reduced = shrunk(&panorama, MAP.0);
     let blurred = blurred(&shrunk(&panorama, 2 * MAP.0));
     // Of someone who looks slightly down at an object.
-    let nine = guided(V3::ZERO, v3(0.0, -0.5, -1.0)).to_vec();
+    let nine = guided(V3::ZERO, v3(0.0, -0.5, -1.0))?;
     let mut lines = Vec::new();
     for views in [nine, around()] {
         let mut far = FarField::<1280>::new(FarParams::default(), mean(&reduced));

@@ -90,7 +90,7 @@ impl Bench<'_> {
     /// The nine guided frames.
     fn away(&self) -> Result<Vec<Sight>, BenchError> {
         let observer = self.pose(self.station)?.translation;
-        guided(observer, self.at).iter().map(|pose| Sight::new(self.scene, FAR, pose)).collect()
+        guided(observer, self.at)?.iter().map(|pose| Sight::new(self.scene, FAR, pose)).collect()
     }
 
     /// The paper's 6.2.2: one near view, nine guided frames; and what else one could do from there.

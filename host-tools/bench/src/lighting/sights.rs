@@ -7,6 +7,7 @@ use isobath::glam::{Quat, Vec3};
 use isobath::ground::colour::Colour;
 use isobath::ground::image::ImageView;
 use isobath::ground::units::Timestamp;
+use isobath::lighting::policy::guided::{Directions, Guide, GuideParams};
 use isobath::sensing::camera::{Intrinsics, Pose};
 use isobath::sensing::depth::DepthUnit;
 use isobath::sensing::frame::DepthFrame;
@@ -18,8 +19,6 @@ use crate::BenchError;
 pub(super) const FIELD: f64 = 1.1;
 /// Size of the frames taken by guided movement: four pixels for each of the 32 x 24 samples.
 pub(super) const FAR: (usize, usize) = (64, 48);
-/// Step of the guided grid, degrees.
-const STEP: f64 = 30.0;
 
 /// A frame as a phone gives it: 16-bit depth (1/5000 m), 8-bit colour, a pose.
 #[derive(Debug, Clone)]
@@ -106,17 +105,12 @@ impl Sight {
     }
 }
 
-/// Where guided movement has the user look: away from the object, in steps of 30 degrees: first straight back, then to the sides, then up and
-/// down, then the corners; 1, 3, 5 or 9 of them. Cameras at the observer's place.
-pub(super) fn guided(observer: V3, at: V3) -> [Rigid; 9] {
-    let back = (observer - at).unit_or_up();
-    let (azimuth, elevation) = (back.x.atan2(-back.z), back.y.clamp(-1.0, 1.0).asin());
-    let grid = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
-    grid.map(|(across, along)| {
-        let (a, e) = (azimuth + (f64::from(across) * STEP).to_radians(), elevation + (f64::from(along) * STEP).to_radians());
-        let d = v3(a.sin() * e.cos(), e.sin(), -a.cos() * e.cos());
-        Rigid::looking_at(observer, observer + d)
-    })
+/// Where guided movement has the user look: away from the object, straight back first; the first 1, 3, 5 or 9 are that many's. Cameras at the observer's place.
+pub(super) fn guided(observer: V3, at: V3) -> Result<Vec<Rigid>, BenchError> {
+    let params = GuideParams { directions: Directions::Nine, ..GuideParams::default() };
+    let guide = Guide::new(vec3(at), vec3(observer), Vec3::Y, params).map_err(BenchError::core)?;
+    let towards = |d: &Vec3| observer + v3(f64::from(d.x), f64::from(d.y), f64::from(d.z));
+    Ok(guide.directions().iter().map(|d| Rigid::looking_at(observer, towards(d))).collect())
 }
 
 /// What is seen from a point in all directions, in parts of a camera's white.
@@ -162,15 +156,14 @@ mod tests {
     #[test]
     fn guided_movement_looks_away_and_a_grid_apart() {
         let (observer, at) = (v3(0.0, 1.4, 1.0), v3(0.0, 0.5, 0.0));
-        let views = guided(observer, at);
+        let views = guided(observer, at).unwrap();
+        assert_eq!(views.len(), 9);
         let ahead = |r: &Rigid| r.rotation.z;
         let back = (observer - at).unit_or_up();
-        assert!((ahead(&views[0]) - back).length() < 1e-12);
+        assert!((ahead(&views[0]) - back).length() < 1e-6);
         for (i, view) in views.iter().enumerate() {
-            assert!(view.translation == observer && ahead(view).dot(back) > 0.6, "{i}");
+            assert!(view.translation == observer && ahead(view).dot(back) > 0.7, "{i}");
         }
-        let up_and_down = [3, 4].map(|i| ahead(&views[i]).dot(back).acos().to_degrees());
-        assert!(up_and_down.iter().all(|a| (a - 30.0).abs() < 1e-6), "{up_and_down:?}");
     }
 
     #[test]

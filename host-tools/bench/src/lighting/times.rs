@@ -57,7 +57,7 @@ fn of<const COLUMNS: usize, const ROWS: usize>(
     let views: Vec<DepthFrame<'_>> = (views.iter().zip(0..)).map(|(v, i)| v.frame(i)).collect::<Result<_, _>>()?;
     let observer = orbit.first().map_or(at, |pose| pose.translation);
     let away: Vec<Sight> =
-        guided(observer, at).iter().take(2).map(|pose| Sight::new(scene, FAR, pose)).collect::<Result<_, _>>()?;
+        guided(observer, at)?.iter().take(2).map(|pose| Sight::new(scene, FAR, pose)).collect::<Result<_, _>>()?;
     // Two that look the same way and see other colours: the second one dark.
     let dark = away.first().map(Sight::darkened);
     let away: Vec<DepthFrame<'_>> =
