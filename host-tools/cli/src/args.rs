@@ -564,8 +564,8 @@ pub(crate) struct ProbeArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["src", "at"])]
     pub(crate) map: Option<PathBuf>,
 
-    /// Where the picture of the balls goes
-    #[arg(long, value_name = "FILE.png")]
+    /// Where the picture of the balls goes, .png
+    #[arg(long, value_name = "FILE", value_parser = png_file)]
     pub(crate) out: Option<PathBuf>,
 
     /// The light that is shown as white is 1 divided by this
@@ -579,6 +579,11 @@ fn map_file(text: &str) -> Result<PathBuf, String> {
         Some("exr" | "hdr" | "png") => Ok(path),
         _ => Err("the name must end in .exr, .hdr or .png".to_owned()),
     }
+}
+
+fn png_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|e| e == "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }
 }
 
 fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
@@ -608,10 +613,13 @@ fn vec3(text: &str) -> Result<Vec3, String> {
 
 /// What is measured.
 #[derive(Debug, Args)]
-#[command(args_conflicts_with_subcommands = true, after_help = "Examples:\n  isobath bench --quick\n  isobath bench --filter normals --size 640x480\n  \
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:\n  isobath bench --quick\n  isobath bench --filter normals --size 640x480\n  \
     isobath bench --filter normals --peers\n  isobath bench lighting --quick\n\n\
     Times are the thread's own processor time, nanoseconds, of the best of several\nrounds in turn. The report's folder gets bench.html \
-    (plots), bench.csv and\nbench.json. Other libraries run in processes of their own, one core each.")]
+    (plots), bench.csv and\nbench.json. Other libraries run in processes of their own, one core each."
+)]
 pub(crate) struct BenchArgs {
     #[command(subcommand)]
     pub(crate) only: Option<BenchOnly>,

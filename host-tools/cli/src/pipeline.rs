@@ -20,6 +20,10 @@ use std::time::Instant;
 
 use isobath::glam::{Mat3, Quat, Vec2, Vec3};
 use isobath::ground::geometry::{OrientedBox, Plane, Ray};
+use isobath::ground::image::ImageViewMut;
+use isobath::lighting::equirect::MapFrame;
+use isobath::lighting::far::harmonics::Harmonics;
+use isobath::lighting::{Drawn, Observed, Preset, Session};
 use isobath::localized::collision::{Collision, CollisionParams, Verdict, box_points, vote};
 use isobath::localized::height_map::{Grid, HeightCell, HeightMap, HeightMapParams, IntegrateReport};
 use isobath::localized::hit::{Hit, HitOutcome, HitParams, hit_test};
@@ -29,10 +33,6 @@ use isobath::localized::placement::{NoPlace, PlaceParams, Placement, Spot, place
 use isobath::localized::plane::ground::{GroundEstimate, GroundParams, estimate_ground};
 use isobath::localized::planner::{Node, Plan, Planner, Walker};
 use isobath::localized::raycast::{RayOutcome, RayParams, cast};
-use isobath::ground::image::ImageViewMut;
-use isobath::lighting::equirect::MapFrame;
-use isobath::lighting::far::harmonics::Harmonics;
-use isobath::lighting::{Drawn, Observed, Preset, Session};
 use isobath::localized::reticle::{Reticle, ReticleHit, ReticleParams, ReticleState};
 use isobath::sensing::depth::{DepthSample, HolePolicy};
 use isobath::sensing::frame::DepthFrame;
@@ -70,8 +70,18 @@ const STRICT: CollisionParams =
 pub(crate) const WALKER: Walker = Walker { radius: 0.15, ..Walker::DEFAULT };
 
 /// The stages that are timed.
-pub(crate) const STAGES: [&str; 10] =
-    ["pyramid", "normals", "ground plane", "reticle", "rays", "chair votes", "stool places", "height map", "path", "light"];
+pub(crate) const STAGES: [&str; 10] = [
+    "pyramid",
+    "normals",
+    "ground plane",
+    "reticle",
+    "rays",
+    "chair votes",
+    "stool places",
+    "height map",
+    "path",
+    "light",
+];
 const PYRAMID: usize = 0;
 const NORMALS: usize = 1;
 const GROUND: usize = 2;

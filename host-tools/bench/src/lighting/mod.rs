@@ -190,12 +190,32 @@ pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, Benc
 fn tables(plan: &Plan, measured: &[Measured], report: &mut Report) {
     let low = "1 near view (low), unless said; nine guided frames";
     let sorts: [(&'static str, &str, &str, Plot); 6] = [
-        (WAYS, "Ours and what else one could do", "One near view of 512x384 and nine guided frames. 360 capture: a panorama taken where the observer stands.", Plot::Bars(&[0, 1, 2, 3])),
-        (PRESETS, "Presets", "One near view of 1024x768, brought down by each preset, and nine guided frames.", Plot::Bars(&[0, 1, 2, 3])),
-        (VIEWS, "Near views", "Low preset with room for 7; neighbours on the circle; no far field, ambient instead.", Plot::Lines(&[0, 1, 2, 3])),
+        (
+            WAYS,
+            "Ours and what else one could do",
+            "One near view of 512x384 and nine guided frames. 360 capture: a panorama taken where the observer stands.",
+            Plot::Bars(&[0, 1, 2, 3]),
+        ),
+        (
+            PRESETS,
+            "Presets",
+            "One near view of 1024x768, brought down by each preset, and nine guided frames.",
+            Plot::Bars(&[0, 1, 2, 3]),
+        ),
+        (
+            VIEWS,
+            "Near views",
+            "Low preset with room for 7; neighbours on the circle; no far field, ambient instead.",
+            Plot::Lines(&[0, 1, 2, 3]),
+        ),
         (DIRECTIONS, "Guided directions", low, Plot::Lines(&[0, 1, 2, 3])),
         (RULES, "Our rules and the paper's", low, Plot::None),
-        (DRIFT, "Drift of the poses", "Five near views, four of them off by so much; nine guided frames; nothing corrects them.", Plot::None),
+        (
+            DRIFT,
+            "Drift of the poses",
+            "Five near views, four of them off by so much; nine guided frames; nothing corrects them.",
+            Plot::None,
+        ),
     ];
     for (key, title, note, plot) in sorts {
         let own: Vec<&Measured> = measured.iter().filter(|m| m.table == key).collect();
@@ -264,7 +284,10 @@ mod tests {
     #[test]
     fn the_few_stations_take_every_height_distance_and_side() {
         let plan = Plan::new(&Options { quick: false, seed: 1 });
-        assert_eq!((plan.stations.len(), plan.few.len()), (isobath_sim::orbit_stations(isobath_sim::V3::ZERO).len(), 8));
+        assert_eq!(
+            (plan.stations.len(), plan.few.len()),
+            (isobath_sim::orbit_stations(isobath_sim::V3::ZERO).len(), 8)
+        );
         let mut sides: Vec<usize> = plan.few.iter().map(|s| s % 8).collect();
         sides.sort_unstable();
         assert_eq!(sides, (0..8).collect::<Vec<_>>());
@@ -278,8 +301,7 @@ mod tests {
             Quality { map: alike, balls: [alike; 3] }
         };
         let of = |row, place: &str, psnr| Measured { table: WAYS, row, place: place.into(), quality: quality(psnr) };
-        let measured =
-            [of(OURS, "a", 20.0), of(CAPTURE, "a", 16.0), of(OURS, "b", 15.0), of(CAPTURE, "b", 16.0)];
+        let measured = [of(OURS, "a", 20.0), of(CAPTURE, "a", 16.0), of(OURS, "b", 15.0), of(CAPTURE, "b", 16.0)];
         let mut report = Report { quick: true, seed: 1, tables: Vec::new(), notes: Vec::new() };
         tables(&Plan::new(&Options { quick: true, seed: 1 }), &measured, &mut report);
         let places = report.tables.iter().find(|t| t.key == "places").unwrap();

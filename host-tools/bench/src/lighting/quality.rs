@@ -146,7 +146,8 @@ impl Bench<'_> {
         }
 
         let recipe = Recipe::new(low);
-        for (row, n) in [("none", 0), ("1 direction", 1), ("3 directions", 3), ("5 directions", 5), ("9 directions", 9)] {
+        for (row, n) in [("none", 0), ("1 direction", 1), ("3 directions", 3), ("5 directions", 5), ("9 directions", 9)]
+        {
             let map = reconstruct(&recipe, at, &[own], far.get(..n).unwrap_or_default(), ambient)?;
             self.put(DIRECTIONS, row, &map);
         }

@@ -122,7 +122,11 @@ pub(super) fn reconstruct(
     ambient: [f32; 3],
 ) -> Result<LinearImage, BenchError> {
     // Part of what makes the tiny preset tiny.
-    if recipe.preset == Preset::TINY { go::<64, 32>(recipe, at, views, frames, ambient) } else { go::<128, 64>(recipe, at, views, frames, ambient) }
+    if recipe.preset == Preset::TINY {
+        go::<64, 32>(recipe, at, views, frames, ambient)
+    } else {
+        go::<128, 64>(recipe, at, views, frames, ambient)
+    }
 }
 
 fn go<const COLUMNS: usize, const ROWS: usize>(

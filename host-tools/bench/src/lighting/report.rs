@@ -93,7 +93,8 @@ impl Report {
         for table in &self.tables {
             let shown: Vec<usize> = (0..table.columns.len()).filter(|i| table.columns[*i].shown).collect();
             let room = WIDTH - NUMBER * shown.len();
-            let longest = table.lines.iter().map(|l| l.name.chars().count() + if l.lost { LOST.len() } else { 0 }).max();
+            let longest =
+                table.lines.iter().map(|l| l.name.chars().count() + if l.lost { LOST.len() } else { 0 }).max();
             let name = longest.unwrap_or(0).clamp(14, room.max(15) - 1) + 1;
             let _ = writeln!(out, "{}", table.title);
             for part in [|c: &Column| c.head, |c: &Column| c.unit] {
@@ -153,7 +154,10 @@ impl Report {
                     .collect();
                 json!({ "row": line.name, "lost": line.lost, "values": cells })
             });
-            (table.key.to_owned(), json!({ "title": table.title, "note": table.note, "lines": lines.collect::<Vec<_>>() }))
+            (
+                table.key.to_owned(),
+                json!({ "title": table.title, "note": table.note, "lines": lines.collect::<Vec<_>>() }),
+            )
         };
         let tables: serde_json::Map<String, Value> = self.tables.iter().map(table).collect();
         json!({
@@ -290,7 +294,10 @@ pub(super) mod tests {
             Column { key: "hidden", head: "hidden", unit: "dB", shown: false },
         ];
         let lines = vec![
-            Line::new("<all> that is long, much longer than a terminal has room for in its first column of all", vec![20.0, 3.0, 1.0]),
+            Line::new(
+                "<all> that is long, much longer than a terminal has room for in its first column of all",
+                vec![20.0, 3.0, 1.0],
+            ),
             Line { lost: true, ..Line::new("b", vec![10.0, -3.0, f64::NAN]) },
         ];
         let table = |plot| Table {

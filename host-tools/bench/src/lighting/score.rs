@@ -239,7 +239,8 @@ mod tests {
 
     fn pattern() -> LinearImage {
         let (w, h) = SIZE;
-        let pixels = (0..w * h).map(|i| if (i % w / 16 + i / w / 16) % 2 == 0 { [0.8, 0.6, 0.4] } else { [0.1, 0.2, 0.3] });
+        let pixels =
+            (0..w * h).map(|i| if (i % w / 16 + i / w / 16) % 2 == 0 { [0.8, 0.6, 0.4] } else { [0.1, 0.2, 0.3] });
         LinearImage { width: w, height: h, pixels: pixels.collect() }
     }
 

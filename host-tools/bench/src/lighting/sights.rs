@@ -80,9 +80,7 @@ impl Sight {
     /// The same pixels, each `n` x `n` times: a large frame, for timing.
     pub(super) fn enlarged(&self, n: usize) -> Result<Self, BenchError> {
         fn enlarge<T: Copy>(pixels: &[T], (w, h): (usize, usize), n: usize) -> Vec<T> {
-            (0..h * n * w * n)
-                .filter_map(|i| pixels.get(i / (w * n) / n * w + i % (w * n) / n).copied())
-                .collect()
+            (0..h * n * w * n).filter_map(|i| pixels.get(i / (w * n) / n * w + i % (w * n) / n).copied()).collect()
         }
         let size = (self.size.0 * n, self.size.1 * n);
         Ok(Self {

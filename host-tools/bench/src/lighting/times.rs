@@ -52,8 +52,11 @@ fn of<const COLUMNS: usize, const ROWS: usize>(
     // What they show is not what counts: large frames are small ones enlarged.
     let n = preset.view.0.div_ceil(512);
     let size = (preset.view.0 / n, preset.view.1 / n);
-    let views: Vec<Sight> =
-        orbit.iter().take(preset.views.max(2)).map(|pose| Sight::new(scene, size, pose)?.enlarged(n)).collect::<Result<_, _>>()?;
+    let views: Vec<Sight> = orbit
+        .iter()
+        .take(preset.views.max(2))
+        .map(|pose| Sight::new(scene, size, pose)?.enlarged(n))
+        .collect::<Result<_, _>>()?;
     let views: Vec<DepthFrame<'_>> = (views.iter().zip(0..)).map(|(v, i)| v.frame(i)).collect::<Result<_, _>>()?;
     let observer = orbit.first().map_or(at, |pose| pose.translation);
     let away: Vec<Sight> =

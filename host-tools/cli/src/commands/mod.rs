@@ -1,8 +1,8 @@
 //! One file a command: ask the core, tell people or machines.
 
 pub(crate) mod bench;
-pub(crate) mod envmap;
 pub(crate) mod completions;
+pub(crate) mod envmap;
 pub(crate) mod find_place;
 pub(crate) mod hit;
 pub(crate) mod info;

@@ -16,13 +16,17 @@ const SIDE: usize = 256;
 
 pub(crate) fn run(args: &ProbeArgs, say: &mut Say) -> Outcome {
     if !(args.exposure > 0.0 && args.exposure.is_finite()) {
-        return Err(Failure::new("the exposure must be above 0").at("--exposure").advise("give a factor such as 1 or 0.5"));
+        return Err(Failure::new("the exposure must be above 0")
+            .at("--exposure")
+            .advise("give a factor such as 1 or 0.5"));
     }
     let light = args.light.as_ref().map(gather).transpose()?;
     let map = match (&light, &args.map) {
         (Some(light), _) => light.map.clone(),
         (None, Some(path)) => read(path)?,
-        (None, None) => return Err(Failure::new("there is nothing to probe").advise("give SRC and --at, or --map FILE")),
+        (None, None) => {
+            return Err(Failure::new("there is nothing to probe").advise("give SRC and --at, or --map FILE"));
+        }
     };
     let sh = harmonics(&map);
     let mut out = match &light {
@@ -67,7 +71,8 @@ fn colour([r, g, b]: [f32; 3]) -> String {
 }
 
 fn read(path: &std::path::Path) -> Outcome<LinearImage> {
-    let map = read_linear(path).map_err(|e| Failure::of(&e, path.display()).advise("give an .exr, .hdr, .png or .jpg file"))?;
+    let map = read_linear(path)
+        .map_err(|e| Failure::of(&e, path.display()).advise("give an .exr, .hdr, .png or .jpg file"))?;
     if map.height == 0 || map.width != 2 * map.height {
         return Err(Failure::new(format!("{} x {} pixels are no environment map", map.width, map.height))
             .at(path.display())

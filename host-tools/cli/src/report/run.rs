@@ -17,7 +17,7 @@ use super::charts::{self, Bar};
 use super::drawings::Drawings;
 use super::{Card, Figure, Page, Table};
 use crate::commands::info::extend;
-use crate::lighting::{ANCHORS, light_json, light_sentence};
+use crate::lighting::{ANCHORS, light_json, light_words};
 use crate::pipeline::{CHAIR, Findings, MAP_CELL, MAP_CELLS, STAGES, STOOL, WORK_UNITS};
 use crate::say::{Say, bytes, count, duration, metres, point};
 use crate::source::{Source, Up};
@@ -382,18 +382,18 @@ impl Overview<'_> {
             None => ("path", "none".into(), plan_sentence(&f.plan)),
         });
         out.push(match &f.light {
-            Ok(lit) => (
-                "light",
-                light_sentence(lit.harmonics.main_light().as_ref()),
-                format!(
-                    "for {}, at {}; {} of {} directions seen from afar, {:.0} % with near points",
+            Ok(lit) => {
+                let (from, strength) = light_words(lit.harmonics.main_light().as_ref());
+                let remark = format!(
+                    "{strength}; for {}, at {}; {} of {} directions seen from afar, {:.0} % with near points",
                     lit.why,
                     point(lit.map.at),
                     count(lit.seen as u64),
                     count(ANCHORS as u64),
                     100.0 * lit.near_share
-                ),
-            ),
+                );
+                ("light", format!("mainly {from}"), remark)
+            }
             Err(why) => ("light", "none".into(), (*why).into()),
         });
         out
