@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn an_even_sky_comes_back_from_26_directions() {
-        let sky = exposed(LinearImage::filled(64, 32, [5.0; 3]));
+        let sky = exposed(LinearImage::filled(256, 128, [5.0; 3]));
         assert!((sky.pixels[0][1] - 0.18).abs() < 1e-4);
         assert!(blurred(&sky).pixels.iter().all(|p| (p[0] - 0.18).abs() < 1e-4));
         let mut far = FarField::<1280>::new(FarParams::default(), [0.0; 3]);

@@ -176,37 +176,37 @@ pub(super) fn shrunk(map: &LinearImage, width: usize) -> LinearImage {
 struct Grey {
     width: usize,
     height: usize,
-    pixels: Vec<f32>,
+    pixels: Vec<f64>,
 }
 
 impl Grey {
     fn of(image: &LinearImage) -> Self {
         let luma = |p: &[f32; 3]| {
-            let [r, g, b] = <[u8; 3]>::of_linear(*p).map(|v| f32::from(v) / 255.0);
+            let [r, g, b] = <[u8; 3]>::of_linear(*p).map(|v| f64::from(v) / 255.0);
             0.2126 * r + 0.7152 * g + 0.0722 * b
         };
         Self { width: image.width, height: image.height, pixels: image.pixels.iter().map(luma).collect() }
     }
 
-    fn with(&self, other: &Self, f: impl Fn(f32, f32) -> f32) -> Self {
+    fn with(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
         let pixels = self.pixels.iter().zip(&other.pixels).map(|(a, b)| f(*a, *b)).collect();
         Self { pixels, ..*self }
     }
 
     /// Blurred by the window; columns close to a ring when they `wrap`, else the border repeats.
-    fn blurred(&self, wrap: bool) -> Vec<f32> {
+    fn blurred(&self, wrap: bool) -> Vec<f64> {
         const REACH: isize = 5;
-        let window: Vec<f32> = (-REACH..=REACH).map(|d| (-(d * d) as f32 / 4.5).exp()).collect();
-        let total: f32 = window.iter().sum();
+        let window: Vec<f64> = (-REACH..=REACH).map(|d| (-(d * d) as f64 / 4.5).exp()).collect();
+        let total: f64 = window.iter().sum();
         let (w, h) = (self.width as isize, self.height as isize);
-        let pass = |from: &[f32], dx: isize, dy: isize| -> Vec<f32> {
+        let pass = |from: &[f64], dx: isize, dy: isize| -> Vec<f64> {
             let at = |x: isize, y: isize| {
                 let x = if wrap { x.rem_euclid(w) } else { x.clamp(0, w - 1) };
                 from.get((y.clamp(0, h - 1) * w + x) as usize).copied().unwrap_or_default()
             };
             let sum = |x: isize, y: isize| {
                 let terms = window.iter().zip(-REACH..=REACH).map(|(k, d)| k * at(x + d * dx, y + d * dy));
-                terms.sum::<f32>() / total
+                terms.sum::<f64>() / total
             };
             (0..h).flat_map(|y| (0..w).map(move |x| (x, y))).map(|(x, y)| sum(x, y)).collect()
         };
@@ -222,7 +222,7 @@ fn ssim(a: &Grey, b: &Grey, wrap: bool, weight: impl Fn(usize, usize) -> f64) ->
     let (aa, bb, ab) = (squares(a), squares(b), a.with(b, |a, b| a * b).blurred(wrap));
     let (mut sum, mut weights) = (0.0, 0.0);
     for (i, ((((ma, mb), aa), bb), ab)) in ma.iter().zip(&mb).zip(&aa).zip(&bb).zip(&ab).enumerate() {
-        let [ma, mb, aa, bb, ab] = [ma, mb, aa, bb, ab].map(|v| f64::from(*v));
+        let [ma, mb, aa, bb, ab] = [ma, mb, aa, bb, ab].map(|v| *v);
         let (va, vb, vab) = ((aa - ma * ma).max(0.0), (bb - mb * mb).max(0.0), ab - ma * mb);
         let here = (2.0 * ma * mb + C1) * (2.0 * vab + C2) / ((ma * ma + mb * mb + C1) * (va + vb + C2));
         let w = weight(i % a.width.max(1), i / a.width.max(1));

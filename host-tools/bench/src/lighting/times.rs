@@ -21,7 +21,7 @@ use crate::measure::{Effort, alternating};
 use crate::row::{Method, Score};
 
 /// Milliseconds of: a view in, the merge, a far frame in, the far map, the composition; a near frame to the map, a far frame to the map;
-/// and KiB of memory, the map (RGB, a byte each) in it.
+/// and KiB of memory, without the map that is drawn.
 pub(super) fn measure(scene: &Scene, effort: &Effort) -> Result<Vec<Line>, BenchError> {
     Ok(vec![
         of::<64, 32>("tiny", Preset::TINY, scene, effort)?,
@@ -70,10 +70,7 @@ fn of<const COLUMNS: usize, const ROWS: usize>(
     }
 
     let (mut storage, mut other) = (NearBox::new(&preset), NearBox::new(&preset));
-    let bytes = storage.bytes()
-        + size_of::<FarField<1280>>()
-        + size_of::<FarMap<COLUMNS, ROWS>>()
-        + preset.map_pixels() * size_of::<[u8; 3]>();
+    let bytes = storage.bytes() + size_of::<FarField<1280>>() + size_of::<FarMap<COLUMNS, ROWS>>();
     let mut field = NearField::new(preset, NearParams::default(), storage.lend()).map_err(BenchError::core)?;
     for (i, frame) in views.iter().take(preset.views).enumerate() {
         field.insert(frame, i as u32, &map).map_err(BenchError::core)?;
