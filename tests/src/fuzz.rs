@@ -8,6 +8,7 @@
 
 mod decode;
 mod features;
+mod lighting;
 mod localized;
 mod parsers;
 mod sensing;
@@ -17,6 +18,7 @@ use isobath::glam::{Quat, Vec2, Vec3};
 
 pub use decode::{depth16, disparity, key_frame, metres, projective, rvl, u16_bytes};
 pub use features::features;
+pub use lighting::lighting;
 pub use localized::localized;
 pub use parsers::{camera_file, depth_png, lists, npy, pgm};
 pub use sensing::{camera, pose, pyramid, rectify};
@@ -39,6 +41,7 @@ pub const TARGETS: &[Target] = &[
     ("pyramid", pyramid),
     ("localized", localized),
     ("features", features),
+    ("lighting", lighting),
     ("parse_npy", npy),
     ("parse_pgm", pgm),
     ("parse_depth_png", depth_png),

@@ -39,10 +39,21 @@ const SUITES: &[Suite] = &[
     Suite {
         name: "clippy",
         quick: true,
-        what: "clippy over everything, warnings as errors",
+        what: "clippy over everything, firmware images included, warnings as errors",
         run: |_| {
             ensure_component("clippy", &["clippy", "--version"], "the lints")?;
-            Cmd::new("cargo").args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]).run()
+            Cmd::new("cargo").args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]).run()?;
+            // The firmware images are a workspace of their own; only one of them is for another target than the rest. `--release`:
+            // what their build script makes is made already.
+            for (target, packages) in [
+                (BARE_METAL[0], ["--workspace", "--exclude", CORTEX_A]),
+                (BARE_METAL[1], ["--package", CORTEX_A, "--no-deps"]),
+            ] {
+                ensure_target(target, "the lints of the firmware images")?;
+                let args = ["clippy", "--release", "--manifest-path", proof::MANIFEST, "--target", target];
+                Cmd::new("cargo").args(args).args(packages).args(["--", "-D", "warnings"]).run()?;
+            }
+            Ok(())
         },
     },
     Suite {
@@ -105,6 +116,9 @@ const SUITES: &[Suite] = &[
         run: |options| fuzz::run(&[], options.smoke_seconds),
     },
 ];
+
+/// The firmware image for 64-bit Arm.
+const CORTEX_A: &str = "isobath-firmware-cortex-a";
 
 /// Property tests draw the same cases every time here; `cargo test` by hand draws anew.
 fn repeatable(cmd: Cmd) -> Cmd {

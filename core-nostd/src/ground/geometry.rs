@@ -2,13 +2,15 @@
 
 use glam::{Quat, Vec3};
 
+use super::math;
 use super::rotation::rotate;
 
 /// `v` made unit length whatever its length, denormal and overflowing squares included; `None` for zero and for what is not
 /// finite.
 #[must_use]
 pub fn unit(v: Vec3) -> Option<Vec3> {
-    let size = v.abs().max_element();
+    let [x, y, z] = v.abs().to_array();
+    let size = math::max(x, math::max(y, z));
     let scaled = v / size;
     // Denormal lengths keep few digits: a direction of one of them is no direction.
     if size >= f32::MIN_POSITIVE { scaled.try_normalize() } else { None }

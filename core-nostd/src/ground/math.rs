@@ -94,6 +94,20 @@ pub const fn clamp(x: f32, low: f32, high: f32) -> f32 {
     }
 }
 
+/// The larger of two; `b` when one is NaN. A comparison, where `f32::max` is a call on targets without an instruction for it.
+#[inline(always)]
+#[must_use]
+pub const fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two; `b` when one is NaN. As [`max`].
+#[inline(always)]
+#[must_use]
+pub const fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// e to the power `x`.
 #[inline]
 #[must_use]

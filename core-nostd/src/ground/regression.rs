@@ -1,5 +1,7 @@
 //! Least squares of w = c + a x + b y over pixels: the plane of inverse depth.
 
+use super::math;
+
 /// Sums over readings; x and y are pixel offsets, w any value (subtract a reference first: squares lose the digits of
 /// large ones).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -60,7 +62,7 @@ impl Sums {
         }
         let a = (xw * yy - yw * xy) / det;
         let b = (yw * xx - xw * xy) / det;
-        Some(Regression { c: mw - a * mx - b * my, a, b, squares: (ww - a * xw - b * yw).max(0.0) })
+        Some(Regression { c: mw - a * mx - b * my, a, b, squares: math::max(ww - a * xw - b * yw, 0.0) })
     }
 }
 

@@ -237,30 +237,51 @@ impl<'a, D: DepthSample> Pyramid<'a, D> {
     }
 }
 
-/// Tile by tile, its three numbers in registers: for targets without vector units.
+/// Tile by tile, its numbers in registers: for targets without vector units. Of a tile without a hole, which nearly every one is,
+/// the two ends of the readings say so; only where they do not are the holes counted.
 fn build_by_tiles<D: DepthSample>(depth: ImageView<'_, D>, out: &mut [Cell<D>], across: usize) {
     for (ty, line) in out.chunks_mut(across.max(1)).enumerate() {
-        let mut rows: [_; FINEST_TILE] = core::array::from_fn(|j| depth.row(ty * FINEST_TILE + j).chunks(FINEST_TILE));
-        for cell in line {
-            let Cell { mut min, mut max, mut holes } = Cell::EMPTY;
-            let mut take = |v: D| {
-                if v.is_valid() {
-                    min = if v < min { v } else { min };
-                    max = if v > max { v } else { max };
-                } else {
-                    holes += 1;
-                }
-            };
-            for four in rows.iter_mut().filter_map(Iterator::next) {
-                // Nearly every tile is whole: no loop.
-                match four {
-                    &[a, b, c, d] => [a, b, c, d].into_iter().for_each(&mut take),
-                    cut => cut.iter().copied().for_each(&mut take),
-                }
-            }
-            *cell = Cell { min, max, holes };
+        let rows: [_; FINEST_TILE] = core::array::from_fn(|j| depth.row(ty * FINEST_TILE + j));
+        let [a, b, c, d] = rows.map(|row| row.as_chunks::<FINEST_TILE>().0);
+        let whole = a.iter().zip(b).zip(c).zip(d).map(|(((a, b), c), d)| [a, b, c, d]);
+        let mut done = 0;
+        for (cell, tile) in line.iter_mut().zip(whole) {
+            *cell = whole_tile(tile).unwrap_or_else(|| any_tile(tile.map(|row| row.as_slice())));
+            done += 1;
+        }
+        // At the right and the lower border.
+        for (tx, cell) in line.iter_mut().enumerate().skip(done) {
+            *cell = any_tile(rows.map(|row| row.chunks(FINEST_TILE).nth(tx).unwrap_or(&[])));
         }
     }
+}
+
+/// A tile without a hole; `None` when there is one.
+#[inline(always)]
+fn whole_tile<D: DepthSample>(tile: [&[D; FINEST_TILE]; FINEST_TILE]) -> Option<Cell<D>> {
+    let (mut low, mut high) = (i32::MAX, i32::MIN);
+    for row in tile {
+        for key in row.map(D::key) {
+            low = low.min(key);
+            high = high.max(key);
+        }
+    }
+    (low >= D::KEYS.0 && high <= D::KEYS.1).then(|| Cell { min: D::from_key(low), max: D::from_key(high), holes: 0 })
+}
+
+/// Any tile, cut by the border or not.
+#[inline(never)]
+fn any_tile<D: DepthSample>(tile: [&[D]; FINEST_TILE]) -> Cell<D> {
+    let Cell { mut min, mut max, mut holes } = Cell::EMPTY;
+    for &v in tile.into_iter().flatten() {
+        if v.is_valid() {
+            min = if v < min { v } else { min };
+            max = if v > max { v } else { max };
+        } else {
+            holes += 1;
+        }
+    }
+    Cell { min, max, holes }
 }
 
 /// Columns worked on at a time: a multiple of the tile, small enough to stay in registers and the first cache.

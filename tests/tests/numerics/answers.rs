@@ -175,7 +175,7 @@ fn reflections() -> Vec<Row> {
     }
     vec![
         image.row("reflect::mirror", "any two unit vectors", "half ulps of 1", 8.0, "the dot product (3), doubled, over n (1 + 2 3) and one sum (1)."),
-        path.row("reflect::reflect, direction, 10 km", "f 120 and 525 px", "half ulps of twice f", 1.2, "twice the normal's error, which the 11 x 11 fit leaves at 0.27 half ulps of f on either axis, and three turns (9.5 each, found above), small beside f."),
+        path.row("reflect::reflect, direction, 10 km", "f 120 and 525 px", "half ulps of twice f", 1.0, "twice the normal's error, which the 11 x 11 fit leaves at 0.27 half ulps of f on either axis, and three turns (9.5 each, found above), small beside f."),
         last.row("reflect::reflect, place, 10 km", "the same", "mm", 0.86, "the bounce's world point is rounded once, at the end: legs are followed in the camera's frame."),
     ]
 }

@@ -45,7 +45,7 @@ impl Default for FarParams {
 pub struct FarReport {
     /// Samples put onto anchors.
     pub samples: usize,
-    /// Samples without a finite colour of 0 or more, or without a direction.
+    /// Samples without a finite colour of 0 or more (above 1e6 it is taken for 1e6), or without a direction.
     pub rejected: usize,
     /// Anchors that became [changed](FarParams::threshold) by them.
     pub changed: usize,
@@ -181,7 +181,7 @@ impl<const N: usize> FarField<N> {
         let total = known + worth;
         let part = worth / total;
         let [r, g, b] = *colour;
-        let [sr, sg, sb] = sample;
+        let [sr, sg, sb] = sample.map(light);
         let new = [r + part * (sr - r), g + part * (sg - g), b + part * (sb - b)];
         let before = *moved > self.params.threshold;
         *moved += if *weight == 0.0 { f32::INFINITY } else { difference(*colour, new) };
@@ -209,9 +209,12 @@ impl<const N: usize> FarField<N> {
     }
 }
 
+/// The brightest that is told from brighter: a clear sky's sun is at 1e5.
+const BRIGHTEST: f32 = 1e6;
+
 /// 0 where it is no amount of light.
 const fn light(v: f32) -> f32 {
-    if v > 0.0 && v < f32::INFINITY { v } else { 0.0 }
+    if v > 0.0 && v < f32::INFINITY { math::clamp(v, 0.0, BRIGHTEST) } else { 0.0 }
 }
 
 /// How much two colours differ, as a part of the first's size.

@@ -183,24 +183,29 @@ fn walk<D: DepthSample, const FIT: bool>(
             ring.push(frame, part.x, (part.y + y).checked_sub(PAD));
         }
     }
+    let readings = |y: usize| {
+        let line = frame.depth().row(y).get(part.x..part.x + width).unwrap_or(&[]);
+        line.iter().map(|v| u32::from(v.is_valid())).sum::<u32>()
+    };
     for y in part.y..part.y + height {
-        if cross {
+        let valid = if cross {
             vectorised(
                 #[inline(always)]
                 || {
                     ring.push(frame, part.x, Some(y + PAD));
                     if VECTORS || FIT {
                         cross_row::<D, FIT>(frame, part.x, y, &ring.window(), &mut out);
+                        None
                     } else {
-                        cross_row_in_registers(frame, part.x, y, &ring.window(), &mut out);
+                        Some(cross_row_in_registers(frame, part.x, y, &ring.window(), &mut out))
                     }
                 },
-            );
+            )
         } else {
             point_row(frame, params, part.x, y, &mut out);
-        }
-        let line = frame.depth().row(y).get(part.x..part.x + width).unwrap_or(&[]);
-        let valid = line.iter().map(|v| u32::from(v.is_valid())).sum::<u32>();
+            None
+        };
+        let valid = valid.unwrap_or_else(|| readings(y));
         work += Work { done: valid, skipped: width as u32 - valid };
         each(y, out.normals(), out.fit());
     }
@@ -410,14 +415,14 @@ fn cross_row<D: DepthSample, const FIT: bool>(
 }
 
 /// As [`cross_row`], for targets without vector units, to the same bits: what one pixel knows of its row, the next one uses, and
-/// holes are left at once.
+/// holes are left at once. Returns the pixels with a reading.
 fn cross_row_in_registers<D: DepthSample>(
     frame: &DepthFrame<'_, D>,
     first: usize,
     y: usize,
     window: &[&[f32]; ROWS],
     out: &mut Outputs<'_>,
-) {
+) -> u32 {
     let k = frame.intrinsics();
     let (fx, fy, cx) = (k.fx(), k.fy(), k.cx());
     let (turn_x, turn_y) = (exact::turn(fx), exact::turn(fy));
@@ -429,26 +434,33 @@ fn cross_row_in_registers<D: DepthSample>(
     // First and second differences along the row, each computed once.
     let (mut l, mut r) = (c - l1, r1 - c);
     let (mut before, mut bend) = (l - (l1 - l2), r - l);
-    let mut column = first as f32;
+    let (mut column, mut done) = (first as f32, 0);
+    let mut answer = |[r2, u2, u1, d1, d2]: [f32; 5]| {
+        let (centre, left, right, bends) = (c, l, r, [before, bend, r2 - r1 - r]);
+        (l, r, before, bend, c, r1) = (r, r2 - r1, bend, r2 - r1 - r, r1, r2);
+        let dx = column - cx;
+        column += 1.0;
+        if !(centre < exact::REAL) {
+            return NOTHING;
+        }
+        done += 1;
+        let Some(h) = exact::slope_by_branches(left, right, bends, centre * turn_x) else { return NOTHING };
+        let (above, below) = (centre - u1, d1 - centre);
+        let bends = [above - (u1 - u2), below - above, (d2 - d1) - below];
+        let Some(v) = exact::slope_by_branches(above, below, bends, centre * turn_y) else { return NOTHING };
+        facing(centre, h, v, dx, dy, fx, fy)
+    };
     let taps = cut(line, 4, n).iter().zip(up2).zip(up1).zip(down1).zip(down2);
     for (((((&r2, &u2), &u1), &d1), &d2), ((nx, ny), nz)) in
         taps.zip(out.x.iter_mut().zip(out.y.iter_mut()).zip(out.z.iter_mut()))
     {
-        let next = r2 - r1;
-        let after = next - r;
-        let mut normal = [f32::from_bits(u32::MAX); 3];
-        if c < exact::REAL {
-            let h = exact::slope_of(l, r, [before, bend, after], c * turn_x);
-            let v = exact::slope(u2, u1, c, d1, d2, turn_y);
-            if exact::is_real(c, h, v) {
-                normal = facing(c, h.value, v.value, column - cx, dy, fx, fy);
-            }
-        }
-        [*nx, *ny, *nz] = normal;
-        (l, r, before, bend, c, r1) = (r, next, bend, after, r1, r2);
-        column += 1.0;
+        [*nx, *ny, *nz] = answer([r2, u2, u1, d1, d2]);
     }
+    done
 }
+
+/// No normal.
+const NOTHING: [f32; 3] = [f32::from_bits(u32::MAX); 3];
 
 /// `n` values of a padded row, from `from`; every row is `n + 2 PAD` long, so the cut always succeeds.
 fn cut(row: &[f32], from: usize, n: usize) -> &[f32] {
@@ -503,7 +515,8 @@ mod tests {
             let [a, b] = &mut outputs;
             let (mut a, mut b) = (Outputs::split(a, w), Outputs::split(b, w));
             cross_row::<u16, false>(&frame, 0, y, &ring.window(), &mut a);
-            cross_row_in_registers(&frame, 0, y, &ring.window(), &mut b);
+            let readings = cross_row_in_registers(&frame, 0, y, &ring.window(), &mut b);
+            assert_eq!(readings as usize, frame.depth().row(y).iter().filter(|v| v.is_valid()).count());
             let bits = |o: &Outputs<'_>| [&*o.x, &*o.y, &*o.z].concat().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&a), bits(&b), "row {y}");
         }

@@ -58,6 +58,35 @@ pub(super) fn slope_of(l: f32, r: f32, [before, mut bend, after]: [f32; 3], most
     }
 }
 
+/// The value of [`slope_of`] alone, by branches that nearly always go one way, for targets where a select costs as much as a branch;
+/// `None` when no neighbour has a reading.
+#[inline(always)]
+pub(super) fn slope_by_branches(l: f32, r: f32, [before, bend, after]: [f32; 3], most: f32) -> Option<f32> {
+    let mut bend = bend;
+    if before.abs() < bend.abs() {
+        bend = before;
+    }
+    let mut base = l;
+    if after.abs() < bend.abs() {
+        bend = -after;
+        base = r;
+    }
+    if bend.abs() < most {
+        // No hole is among them: one makes a second difference of at least `HOLE`, and no focal length (at least 1e-3 px) and no
+        // inverse depth (at most 1e12) makes `most` that large.
+        return Some(base + 0.5 * bend);
+    }
+    seldom();
+    let pair = if l.abs() < r.abs() { l } else { r };
+    (pair.abs() < REAL).then_some(pair)
+}
+
+/// Where this is called is off the way: what follows is not computed where it is not wanted. `core::hint::cold_path`, which the
+/// oldest compiler that the core takes has not.
+#[cold]
+#[inline]
+const fn seldom() {}
+
 /// Whether there is a normal: a reading at the centre and a neighbour on either axis.
 #[inline(always)]
 pub(super) fn is_real(c: f32, h: Slope, v: Slope) -> bool {

@@ -1,7 +1,8 @@
 //! The wide fit: least squares of inverse depth over the pixels around a point that lie on its surface.
 //!
-//! 1.5 kB of stack. Sums run down the columns of a patch of fixed width, each column a lane: they vectorise without
-//! reordering anything the compiler may not reorder. Without vector units, column after column: the same sums in registers.
+//! 1.2 kB of stack. With vector units the sums run down the columns of a patch of fixed width, each column a lane; without,
+//! column after column: the same sums in the same order, in registers, to the same bits. They are of distances from the last
+//! plane, whose squares say at once whether a pixel belongs to it.
 
 use glam::Vec3;
 
@@ -12,159 +13,205 @@ use crate::ground::regression::Sums;
 use crate::sensing::depth::DepthSample;
 use crate::sensing::frame::DepthFrame;
 
-const ROWS: usize = 2 * MAX_RADIUS as usize + 1;
-/// The widest row, padded to whole vectors.
-const COLUMNS: usize = ROWS.next_multiple_of(8);
+/// Side of the patch: the widest window, padded to whole vectors.
+const SIDE: usize = (2 * MAX_RADIUS as usize + 1).next_multiple_of(8);
 
-/// Inverse depth relative to the centre's (0 at the centre, NaN in holes), so that the sums lose no digits.
+/// Inverse depth relative to the centre's (0 at the centre, NaN in holes and where no surface leads), so that the sums lose no
+/// digits. Row by row; on targets without vector units column by column, which is how they are read there.
 struct Patch {
-    w: [[f32; COLUMNS]; ROWS],
+    w: [[f32; SIDE]; SIDE],
+    columns: usize,
     rows: usize,
-    /// Offset of the first pixel from the centre.
-    dx: f32,
-    dy: f32,
+    /// Pixels to the left of the centre, and above it.
+    left: usize,
+    above: usize,
 }
 
-/// Value at the centre, slopes, RMS residual, pixels.
+/// Value at the centre and slopes, RMS residual, pixels.
 #[derive(Clone, Copy)]
 struct Fit {
-    c: f32,
-    a: f32,
-    b: f32,
+    plane: (f32, f32, f32),
     rms: f32,
     n: f32,
 }
 
+/// Which pixels a fit is made of.
+struct Rule {
+    /// This plane (value at the centre, slopes) and the square of the largest distance from it.
+    plane: (f32, f32, f32),
+    squared: f32,
+    /// At most this many pixels from the centre, the larger of across and down.
+    within: usize,
+}
+
+/// How far from the centre's inverse depth (as a share of it) a pixel of its surface may be that lies `offset` pixels away.
+#[inline(always)]
+fn reach(max_step: f32, offset: f32) -> f32 {
+    SLACK + max_step * math::max(offset.abs(), 1.0)
+}
+
+/// Offset in pixels of number `i` from number `of`.
+#[inline(always)]
+fn offset(i: usize, of: usize) -> f32 {
+    (i as i32 - of as i32) as f32
+}
+
 impl Patch {
-    fn gather<D: DepthSample>(frame: &DepthFrame<'_, D>, x: usize, y: usize, radius: u8) -> Option<Self> {
+    /// No pixels. Padding is only ever read by vectors.
+    fn new() -> Self {
+        let padding = if VECTORS { f32::NAN } else { 0.0 };
+        Self { w: [[padding; SIDE]; SIDE], columns: 0, rows: 0, left: 0, above: 0 }
+    }
+
+    /// The window around a pixel. In place: a kilobyte is not worth moving.
+    fn gather<D: DepthSample>(
+        &mut self,
+        frame: &DepthFrame<'_, D>,
+        x: usize,
+        y: usize,
+        radius: u8,
+        max_step: f32,
+    ) -> Option<()> {
         let depth = frame.depth();
         let centre = depth.get(x, y).filter(|v| v.is_valid())?.number();
         let r = usize::from(radius);
         let (x0, y0) = (x.saturating_sub(r), y.saturating_sub(r));
         let window = depth.crop(x0, y0, x + r + 1 - x0, y + r + 1 - y0);
-        let mut patch = Self {
-            w: [[f32::NAN; COLUMNS]; ROWS],
-            rows: window.height(),
-            dx: x0 as f32 - x as f32,
-            dy: y0 as f32 - y as f32,
-        };
-        for (line, row) in patch.w.iter_mut().zip(window.rows()) {
-            for (w, &value) in line.iter_mut().zip(row) {
-                if value.is_valid() {
-                    // Not centre / number - 1: at f = 10,000 px neighbours differ in the fifth digit, and this
-                    // difference is exact.
-                    *w = (centre - value.number()) / value.number();
+        (self.columns, self.rows) = window.size();
+        (self.left, self.above) = (x - x0, y - y0);
+        // Not centre / number - 1: at f = 10,000 px neighbours differ in the fifth digit, and this difference is exact.
+        let share = |value: D| (centre - value.number()) / value.number();
+        // How far a pixel may be off goes with the larger of its distances across and down.
+        let by_column: [f32; SIDE] =
+            if VECTORS { core::array::from_fn(|i| reach(max_step, offset(i, self.left))) } else { [0.0; SIDE] };
+        for (j, row) in window.rows().enumerate() {
+            let by_row = reach(max_step, offset(j, self.above));
+            if VECTORS {
+                let line = self.w.get_mut(j)?;
+                for (w, &value) in line.iter_mut().zip(row) {
+                    if value.is_valid() {
+                        *w = share(value);
+                    }
+                }
+                for (w, &by_column) in line.iter_mut().zip(&by_column) {
+                    *w = if w.abs() <= math::max(by_row, by_column) { *w } else { f32::NAN };
+                }
+            } else {
+                for (i, (column, &value)) in self.w.iter_mut().zip(row).enumerate() {
+                    let share = if value.is_valid() { share(value) } else { f32::NAN };
+                    let reached = share.abs() <= by_row || share.abs() <= reach(max_step, offset(i, self.left));
+                    *column.get_mut(j)? = if reached { share } else { f32::NAN };
                 }
             }
         }
-        Some(patch)
+        Some(())
     }
 
-    /// Sums down the columns, row by row, every column a lane: n, y, y², w, y w, w².
-    fn by_rows(&self, rule: &Rule, dx: &[f32; COLUMNS]) -> [[f32; COLUMNS]; 6] {
-        let &Rule { plane: (c, a, b), tolerance, max_step, within } = rule;
-        let centre: [f32; COLUMNS] = dx.map(|dx| c + a * dx);
-        let mut lanes = [[0.0_f32; COLUMNS]; 6];
-        for (j, line) in self.w.iter().take(self.rows).enumerate() {
-            let dy = self.dy + j as f32;
-            if dy.abs() > within {
-                continue;
-            }
+    /// Sums over what lies within the rule's tolerance of its plane, of the distance from it. Down the columns, row by row, every
+    /// column a lane.
+    fn by_rows(&self, rule: &Rule) -> Sums {
+        let &Rule { plane: (c, a, b), squared, within } = rule;
+        let dx: [f32; SIDE] = core::array::from_fn(|i| offset(i, self.left));
+        // Too far aside: NaN, from which everything is too far.
+        let centre: [f32; SIDE] = dx.map(|dx| if dx.abs() <= within as f32 { c + a * dx } else { f32::NAN });
+        let mut lanes = [[0.0_f32; SIDE]; 6];
+        let (first, last) = (self.above.saturating_sub(within), (self.above + within + 1).min(self.rows));
+        for (j, line) in self.w.iter().enumerate().take(last).skip(first) {
+            let dy = offset(j, self.above);
             let tilt = b * dy;
-            let far = dy.abs().max(1.0);
             let [n, y, yy, w, yw, ww] = &mut lanes;
-            for i in 0..COLUMNS {
-                #[expect(
-                    clippy::indexing_slicing,
-                    reason = "i < COLUMNS, the length of every array here; checks vanish"
-                )]
+            for i in 0..SIDE {
+                #[expect(clippy::indexing_slicing, reason = "i < SIDE, the length of every array here; checks vanish")]
                 {
-                    let value = line[i];
-                    let distance = if dx[i].abs() > far { dx[i].abs() } else { far };
+                    let off = line[i] - centre[i] - tilt;
                     // False for NaN: holes and padding drop out.
-                    let keep = ((value - centre[i] - tilt).abs() <= tolerance)
-                        & (value.abs() <= SLACK + max_step * distance)
-                        & (distance <= within);
+                    let keep = off * off <= squared;
                     let one = if keep { 1.0 } else { 0.0 };
-                    let value = if keep { value } else { 0.0 };
+                    let off = if keep { off } else { 0.0 };
                     n[i] += one;
                     y[i] += one * dy;
-                    yy[i] += one * dy * dy;
-                    w[i] += value;
-                    yw[i] += value * dy;
-                    ww[i] += value * value;
+                    yy[i] += one * (dy * dy);
+                    w[i] += off;
+                    yw[i] += off * dy;
+                    ww[i] += off * off;
                 }
             }
         }
-        lanes
-    }
-
-    /// The same sums in the same order, one column after the other: six registers instead of 96 words of memory.
-    fn by_columns(&self, rule: &Rule, dx: &[f32; COLUMNS]) -> [[f32; COLUMNS]; 6] {
-        let &Rule { plane: (c, a, b), tolerance, max_step, within } = rule;
-        let mut lanes = [[0.0_f32; COLUMNS]; 6];
-        let reach = |offset: f32| SLACK + max_step * if offset.abs() > 1.0 { offset.abs() } else { 1.0 };
-        // What is the same in every column: the offset, the plane's rise, the offset's square, how far a value may be off.
-        let rows: [[f32; 4]; ROWS] = core::array::from_fn(|j| {
-            let dy = self.dy + j as f32;
-            [dy, b * dy, dy * dy, reach(dy)]
-        });
-        let near = |&[dy, ..]: &[f32; 4]| dy.abs() <= within;
-        let first = rows.iter().position(near).unwrap_or(ROWS);
-        let count = rows.iter().take(self.rows).skip(first).take_while(|row| near(row)).count();
-        let rows = rows.get(first..first + count).unwrap_or(&[]);
-        let values = self.w.as_flattened().get(first * COLUMNS..).unwrap_or(&[]);
-        let [n, y, yy, w, yw, ww] = &mut lanes;
-        let sums = n.iter_mut().zip(y).zip(yy).zip(w).zip(yw).zip(ww);
-        for (i, (&dx, (((((n, y), yy), w), yw), ww))) in dx.iter().zip(sums).enumerate() {
-            if !(dx.abs() <= within && 1.0 <= within) {
-                continue;
-            }
-            let (centre, by_column) = (c + a * dx, reach(dx));
-            // In registers until the column is done.
-            let mut sum = [0.0_f32; 6];
-            for (&value, &[dy, tilt, square, by_row]) in values.iter().skip(i).step_by(COLUMNS).zip(rows) {
-                if !((value - centre - tilt).abs() <= tolerance) {
-                    continue;
-                }
-                // The larger distance allows more.
-                if value.abs() <= by_column || value.abs() <= by_row {
-                    sum[0] += 1.0;
-                    sum[1] += dy;
-                    sum[2] += square;
-                    sum[3] += value;
-                    sum[4] += value * dy;
-                    sum[5] += value * value;
-                }
-            }
-            [*n, *y, *yy, *w, *yw, *ww] = sum;
-        }
-        lanes
-    }
-
-    /// Least squares over the pixels that `rule` lets in; `None` when they do not span a plane.
-    fn solve(&self, rule: &Rule) -> Option<Fit> {
-        let dx: [f32; COLUMNS] = core::array::from_fn(|i| self.dx + i as f32);
-        let lanes = if VECTORS { self.by_rows(rule, &dx) } else { self.by_columns(rule, &dx) };
         let [cn, cy, cyy, cw, cyw, cww] = &lanes;
-        let total = |column: &[f32; COLUMNS]| column.iter().sum::<f32>();
-        let moment = |column: &[f32; COLUMNS]| column.iter().zip(&dx).map(|(v, dx)| v * dx).sum::<f32>();
-        let sums = Sums {
+        let total = |column: &[f32; SIDE]| column.iter().fold(0.0, |sum, v| sum + v);
+        let moment = |column: &[f32; SIDE]| column.iter().zip(&dx).fold(0.0, |sum, (v, dx)| sum + v * dx);
+        Sums {
             n: total(cn),
             x: moment(cn),
             y: total(cy),
             w: total(cw),
-            xx: cn.iter().zip(&dx).map(|(n, dx)| n * dx * dx).sum::<f32>(),
+            xx: cn.iter().zip(&dx).fold(0.0, |sum, (n, dx)| sum + n * (dx * dx)),
             xy: moment(cy),
             yy: total(cyy),
             xw: moment(cw),
             yw: total(cyw),
             ww: total(cww),
-        };
-        let plane = sums.solve()?;
+        }
+    }
+
+    /// The same sums in the same order, one column after the other, in registers. Nearly everything is let in: the moments of
+    /// position are those of the whole column less what is left out (whole numbers, so in any order the same).
+    fn by_columns(&self, rule: &Rule) -> Sums {
+        let &Rule { plane: (c, a, b), squared, within } = rule;
+        let (first, last) = (self.above.saturating_sub(within), (self.above + within + 1).min(self.rows));
+        // What is the same in every column: the offset and the plane's rise.
+        let mut lines = [[0.0; 2]; SIDE];
+        let lines = lines.get_mut(first..last).unwrap_or_default();
+        let (mut all_y, mut all_yy) = (0.0, 0.0);
+        for (j, line) in lines.iter_mut().enumerate() {
+            let dy = offset(j + first, self.above);
+            *line = [dy, b * dy];
+            all_y += dy;
+            all_yy += dy * dy;
+        }
+        let all = lines.len() as f32;
+        let mut sums = Sums::default();
+        let (left, right) = (self.left.saturating_sub(within), (self.left + within + 1).min(self.columns));
+        for (i, column) in self.w.iter().enumerate().take(right).skip(left) {
+            let dx = offset(i, self.left);
+            let centre = c + a * dx;
+            let (mut n, mut y, mut yy) = (all, all_y, all_yy);
+            let (mut w, mut yw, mut ww) = (0.0, 0.0, 0.0);
+            for (&value, &mut [dy, tilt]) in column.get(first..last).unwrap_or(&[]).iter().zip(&mut *lines) {
+                let off = value - centre - tilt;
+                let square = off * off;
+                if square <= squared {
+                    w += off;
+                    yw += off * dy;
+                    ww += square;
+                } else {
+                    n -= 1.0;
+                    y -= dy;
+                    yy -= dy * dy;
+                }
+            }
+            sums.n += n;
+            sums.x += n * dx;
+            sums.y += y;
+            sums.w += w;
+            sums.xx += n * (dx * dx);
+            sums.xy += y * dx;
+            sums.yy += yy;
+            sums.xw += w * dx;
+            sums.yw += yw;
+            sums.ww += ww;
+        }
+        sums
+    }
+
+    /// Least squares over the pixels that `rule` lets in; `None` when they do not span a plane.
+    fn solve(&self, rule: &Rule) -> Option<Fit> {
+        let sums = if VECTORS { self.by_rows(rule) } else { self.by_columns(rule) };
+        let turn = sums.solve()?;
+        let (c, a, b) = rule.plane;
         // Three numbers were fitted: n - 3 are left to tell the noise.
-        let rms = math::sqrt(plane.squares / (sums.n - 3.0).max(1.0));
-        Some(Fit { c: plane.c, a: plane.a, b: plane.b, rms, n: sums.n })
+        let variance = turn.squares / math::max(sums.n - 3.0, 1.0);
+        Some(Fit { plane: (c + turn.c, a + turn.a, b + turn.b), rms: variance * math::inv_sqrt(variance), n: sums.n })
     }
 }
 
@@ -172,17 +219,6 @@ impl Patch {
 const SLACK: f32 = 0.02;
 /// Tangent of the steepest surface (against the line of sight) that is followed by default: 80 degrees.
 const STEEPEST: f32 = 5.67;
-
-/// Which pixels a fit is made of.
-struct Rule {
-    /// Within `tolerance` of this plane (value at the centre, slopes).
-    plane: (f32, f32, f32),
-    tolerance: f32,
-    /// Within this of the centre's value, per pixel of distance, besides [`SLACK`].
-    max_step: f32,
-    /// At most this many pixels from the centre, the larger of across and down.
-    within: f32,
-}
 
 /// First the 5 x 5 pixels around the centre that are reached by steps of `max_step`; then, of the whole window, those within
 /// three standard deviations of the first plane; and once more. The first plane is small so that it stays on the
@@ -195,24 +231,24 @@ pub(super) fn at<D: DepthSample>(
     max_step: Option<f32>,
 ) -> Option<NormalEstimate> {
     let k = frame.intrinsics();
-    let max_step = max_step.unwrap_or(STEEPEST / k.fx().abs().min(k.fy().abs()));
+    let max_step = max_step.unwrap_or(STEEPEST / math::min(k.fx().abs(), k.fy().abs()));
     // Less than nothing is nothing.
     let max_step = if max_step < 0.0 { 0.0 } else { max_step };
-    let patch = Patch::gather(frame, x, y, radius.min(MAX_RADIUS))?;
-    let mut rule = Rule { plane: (0.0, 0.0, 0.0), tolerance: f32::INFINITY, max_step, within: 2.0 };
-    let mut fit = patch.solve(&rule)?;
-    rule.within = f32::from(radius);
+    let mut patch = Patch::new();
+    patch.gather(frame, x, y, radius.min(MAX_RADIUS), max_step)?;
+    let mut fit = patch.solve(&Rule { plane: (0.0, 0.0, 0.0), squared: f32::INFINITY, within: 2 })?;
     for _ in 0..2 {
-        rule.plane = (fit.c, fit.a, fit.b);
         // Rounding alone leaves 2e-6 even on a perfect plane.
-        rule.tolerance = 3.0 * fit.rms + 2e-6;
+        let tolerance = 3.0 * fit.rms + 2e-6;
+        let rule = Rule { plane: fit.plane, squared: tolerance * tolerance, within: radius.into() };
         match patch.solve(&rule) {
             Some(better) => fit = better,
             None => break,
         }
     }
+    let (c, a, b) = fit.plane;
     let (dx, dy) = (x as f32 - k.cx(), y as f32 - k.cy());
-    let normal = Vec3::from(facing(1.0 + fit.c, fit.a, fit.b, dx, dy, k.fx(), k.fy()));
+    let normal = Vec3::from(facing(1.0 + c, a, b, dx, dy, k.fx(), k.fy()));
     let z = frame.z(x, y);
     // A plane at infinity (1 + c = 0) has no direction.
     ((normal.length_squared() - 1.0).abs() < 1e-3).then_some(NormalEstimate {
@@ -234,19 +270,19 @@ mod tests {
             values in proptest::array::uniform32(-0.1_f32..0.1),
             holes in any::<u32>(),
             plane in proptest::array::uniform3(-0.02_f32..0.02),
-            (rows, within) in (1..=ROWS, 1_u8..8),
-            (dx, dy) in (-7_i8..=0, -7_i8..=0),
+            (columns, rows, within) in (1..SIDE, 1..SIDE, 1_usize..8),
+            (left, above) in (0_usize..8, 0_usize..8),
         ) {
-            let w = core::array::from_fn(|j| core::array::from_fn(|i| {
+            let value = |i: usize, j: usize| {
                 let k = (j * 5 + i * 3) % 32;
-                if holes >> k & 1 == 1 { f32::NAN } else { values[k] }
-            }));
-            let patch = Patch { w, rows, dx: dx.into(), dy: dy.into() };
-            let [c, a, b] = plane;
-            let columns = core::array::from_fn(|i| patch.dx + i as f32);
-            for tolerance in [f32::INFINITY, 0.05] {
-                let rule = Rule { plane: (c, a, b), tolerance, max_step: 0.02, within: within.into() };
-                prop_assert_eq!(patch.by_rows(&rule, &columns), patch.by_columns(&rule, &columns));
+                if i >= columns || j >= rows || holes >> k & 1 == 1 { f32::NAN } else { values[k] }
+            };
+            let w = core::array::from_fn(|j| core::array::from_fn(|i| value(i, j)));
+            let turned = core::array::from_fn(|i| core::array::from_fn(|j| value(i, j)));
+            let (a, b) = (Patch { w, columns, rows, left, above }, Patch { w: turned, columns, rows, left, above });
+            for squared in [f32::INFINITY, 0.05 * 0.05] {
+                let rule = Rule { plane: plane.into(), squared, within };
+                prop_assert_eq!(a.by_rows(&rule), b.by_columns(&rule));
             }
         }
     }

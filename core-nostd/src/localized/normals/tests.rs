@@ -269,7 +269,8 @@ proptest! {
         let (mut reference, mut tiles) = (vec![0.0; w * h], vec![Tile::NEW; tiles_needed(w, h)]);
         let mut map = TileMap::new(ImageViewMut::new(&mut reference, w, h).unwrap(), &mut tiles).unwrap();
         let mut scratch = vec![0.0; scratch_len(w)];
-        let mut kept = vec![vec![0.0_f32; w * h]; 3];
+        // As `update` wants them: tiles that never had a reading are never written.
+        let mut kept = vec![vec![f32::from_bits(u32::MAX); w * h]; 3];
         let mut fresh = kept.clone();
         fn views(planes: &mut [Vec<f32>], w: usize, h: usize) -> [ImageViewMut<'_, f32>; 3] {
             let mut planes = planes.iter_mut().map(|p| ImageViewMut::new(p, w, h).unwrap());

@@ -10,7 +10,7 @@
 //!
 //! [`search`] tries many spots and keeps the best.
 //!
-//! Memory: none. Cost: 216 to 684 readings for the plane, 64 for the coverage, and each pixel of the box's projection once;
+//! Memory: none. Cost: 180 to 684 readings for the plane, 64 for the coverage, and each pixel of the box's projection once;
 //! a [`Pyramid`] saves the pixels of tiles that lie wholly beyond the box, and changes no answer. About 30 µs on a desktop
 //! core at 160 x 120, 5 ms for a search of 300 spots. Error: something
 //! narrower than a pixel, or lower than [`PlaceParams::clearance`], is not seen.

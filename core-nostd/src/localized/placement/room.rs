@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3};
 
 use super::{NoPlace, PlaceParams};
 use crate::ground::geometry::{OrientedBox, Plane};
+use crate::ground::math;
 use crate::ground::rotation::rotate_back;
 use crate::sensing::camera::Intrinsics;
 use crate::sensing::depth::{DepthSample, HolePolicy};
@@ -73,7 +74,7 @@ pub(super) fn check<D: DepthSample>(
         let (x, y) = frame.pixel_of(corner).ok_or(NoPlace::OutsideView)?;
         low = (low.0.min(x), low.1.min(y));
         high = (high.0.max(x), high.1.max(y));
-        farthest = farthest.max(corner.z);
+        farthest = math::max(farthest, corner.z);
     }
     let cube = Cube::new(frame, room);
     let k = frame.intrinsics();
@@ -145,6 +146,8 @@ fn within(tile: usize, low: usize, high: usize) -> core::ops::Range<usize> {
 fn leaves_cube(eye: Vec3, way: Vec3) -> Option<f32> {
     // A zero component gives infinities of the right sign; NaN only in the plane of a face, where either answer is right.
     let (a, b) = ((-Vec3::ONE - eye) / way, (Vec3::ONE - eye) / way);
-    let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+    let [near, far] = [math::min, math::max].map(|of| [of(a.x, b.x), of(a.y, b.y), of(a.z, b.z)]);
+    let enter = math::max(near[0], math::max(near[1], near[2]));
+    let leave = math::min(far[0], math::min(far[1], far[2]));
     (leave > 0.0 && enter <= leave).then_some(leave)
 }

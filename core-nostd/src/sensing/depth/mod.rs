@@ -112,11 +112,36 @@ pub trait DepthSample: Copy + PartialEq + PartialOrd + fmt::Debug + Send + Sync 
         }
     }
 
+    /// Whole numbers in the order of the readings, from `KEYS.0` for the nearest there can be to `KEYS.1`; what is no reading lies
+    /// outside. Machines without a minimum of floats have one of these.
+    #[doc(hidden)]
+    const KEYS: (i32, i32);
+
+    /// The value's.
+    #[doc(hidden)]
+    fn key(self) -> i32;
+
+    /// The value of a key.
+    #[doc(hidden)]
+    fn from_key(key: i32) -> Self;
+
     /// The nearest value to `z` metres; [`Self::HOLE`] when `z` is not a valid depth or can't be held in this unit.
     fn from_metres(z: f32, unit: DepthUnit) -> Self;
 }
 
 impl DepthSample for u16 {
+    const KEYS: (i32, i32) = (1, 65_534);
+
+    #[inline(always)]
+    fn key(self) -> i32 {
+        self.into()
+    }
+
+    #[inline(always)]
+    fn from_key(key: i32) -> Self {
+        key as Self
+    }
+
     const HOLE: Self = 0;
     const ABOVE_ALL: Self = Self::MAX;
     const ROUNDING: f32 = 0.288_675_13;
@@ -165,6 +190,19 @@ impl DepthSample for u16 {
 }
 
 impl DepthSample for f32 {
+    // The bits of positive floats are in their order; NaN and infinity lie above, what is negative below.
+    const KEYS: (i32, i32) = ((1e-12_f32).to_bits() as i32, (1e12_f32).to_bits() as i32);
+
+    #[inline(always)]
+    fn key(self) -> i32 {
+        self.to_bits() as i32
+    }
+
+    #[inline(always)]
+    fn from_key(key: i32) -> Self {
+        Self::from_bits(key as u32)
+    }
+
     const HOLE: Self = 0.0;
     const ABOVE_ALL: Self = Self::INFINITY;
     const ROUNDING: Self = 0.0;

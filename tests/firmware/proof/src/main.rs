@@ -47,8 +47,9 @@ static mut MEMORY: Memory = Memory {
 // SAFETY: nothing else in the image has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn _start() -> ! {
+    let memory = &raw mut MEMORY;
     // SAFETY: the only reference ever made to MEMORY: there is one entry, one thread, and it never returns.
-    let memory = unsafe { &mut *(&raw mut MEMORY) };
+    let memory = unsafe { &mut *memory };
     black_box(exercise(black_box(memory)));
     // The negative control: an index that nobody has checked.
     #[cfg(feature = "with-panic")]

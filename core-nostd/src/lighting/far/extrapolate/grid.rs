@@ -198,7 +198,13 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             fresh |= if across { turned | again } else { bits };
         }
         // A column of the grid is felt two and a half columns away, around the seam too.
-        let pixels = |run: Range<usize>| run.start * width / COLUMNS.max(1)..(run.end * width).div_ceil(COLUMNS.max(1));
+        // Where the map is narrower than the grid, a pixel may end one run and begin the next: it is told once.
+        let mut told = 0;
+        let mut tell = |run: Range<usize>| {
+            let from = (run.start * width / COLUMNS.max(1)).max(told);
+            told = (run.end * width).div_ceil(COLUMNS.max(1)).max(from);
+            tell(from..told);
+        };
         let last = Self::BLOCKS.saturating_sub(1);
         let mut held = if fresh >> last & 1 == 1 { 0..REACH } else { 0..0 };
         let mut add = |from: usize, to: usize| {
@@ -207,7 +213,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             } else {
                 let run = core::mem::replace(&mut held, from..to);
                 if !run.is_empty() {
-                    tell(pixels(run));
+                    tell(run);
                 }
             }
         };
@@ -223,7 +229,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             add(COLUMNS.saturating_sub(REACH), COLUMNS);
         }
         if !held.is_empty() {
-            tell(pixels(held));
+            tell(held);
         }
     }
 

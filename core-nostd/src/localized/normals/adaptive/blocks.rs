@@ -1,7 +1,7 @@
 //! Step 1: a plane of inverse depth for every block, and whether the noise explains what is left.
 
 use super::Context;
-use crate::ground::lanes::{LANES, Lanes};
+use crate::ground::lanes::{LANES, Lanes, VECTORS};
 use crate::localized::normals::exact::{HOLE, REAL, inverse};
 use crate::sensing::depth::DepthSample;
 
@@ -133,7 +133,8 @@ pub(super) fn fill<D: DepthSample, const B: usize>(
         add_columns::<B>(out, first, [n, y, yy, w, yw, ww]);
     }
     for start in (1..=context.across).step_by(LANES) {
-        solve::<D, B>(context, out, start, Lanes::load(references, start));
+        let reference = Lanes::load(references, start);
+        if VECTORS { solve(B, context, out, start, reference) } else { solve_apart(B, context, out, start, reference) }
     }
 }
 
@@ -185,16 +186,29 @@ fn set_references<D: DepthSample, const B: usize>(context: &Context<'_, '_, D>, 
     }
 }
 
-/// The planes of eight blocks from their sums, in place; a block whose readings are few, or whose residual is more than
-/// noise, becomes empty.
-#[inline(always)]
-fn solve<D: DepthSample, const B: usize>(
+/// [`solve`] as a call, for all sides of blocks together: without vectors eight lanes are eight times the code.
+#[inline(never)]
+fn solve_apart<D: DepthSample>(
+    block: usize,
     context: &Context<'_, '_, D>,
     row: &mut BlockRow<'_>,
     start: usize,
     reference: Lanes,
 ) {
-    let pixels = (B * B) as f32;
+    solve(block, context, row, start, reference);
+}
+
+/// The planes of eight blocks from their sums, in place; a block whose readings are few, or whose residual is more than
+/// noise, becomes empty.
+#[inline(always)]
+fn solve<D: DepthSample>(
+    block: usize,
+    context: &Context<'_, '_, D>,
+    row: &mut BlockRow<'_>,
+    start: usize,
+    reference: Lanes,
+) {
+    let pixels = (block * block) as f32;
     let spread = (pixels - 1.0) / 12.0;
     let one = Lanes::splat(1.0);
     let [n, sx, sy, sxx, sxy, syy, sw, sxw, syw, sww] = row.lanes(start);

@@ -227,7 +227,7 @@ fn run<D: DepthSample, const B: usize>(
         window_ring.rotate_left(1);
         let [_, _, newest] = &mut window_ring;
         match step.checked_sub(1).filter(|&row| row < down) {
-            Some(row) => windows::join::<D, B>(&context, row, [above, middle, below], newest),
+            Some(row) => windows::join::<B>(frame.intrinsics(), across, row, [above, middle, below], newest),
             None => newest.clear(),
         }
         if let Some(row) = step.checked_sub(2) {

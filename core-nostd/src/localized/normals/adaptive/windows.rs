@@ -1,9 +1,8 @@
 //! Step 2: each block joins the neighbours that lie on its plane, and the joint plane becomes a normal.
 
-use super::Context;
 use super::blocks::{BLOCK_FIELDS, BlockRow};
-use crate::ground::lanes::{LANES, Lanes};
-use crate::sensing::depth::DepthSample;
+use crate::ground::lanes::{LANES, Lanes, VECTORS};
+use crate::sensing::camera::Intrinsics;
 
 /// Numbers kept per window.
 pub(super) const WINDOW_FIELDS: usize = 7;
@@ -56,8 +55,8 @@ const REACH: f32 = 3.5;
 /// Adds to each block `i` the block `j` whose middle is (dx, dy) pixels away, when its plane agrees with i's: half way
 /// between the two within 3 standard deviations, and in slope within 4. Returns where it does.
 #[inline(always)]
-fn add<const B: usize>(joint: &mut Joint, i: &Blocks, j: &Blocks, dx: f32, dy: f32) -> Lanes {
-    let per_slope = 12.0 / ((B * B - 1) as f32);
+fn add(block: usize, joint: &mut Joint, i: &Blocks, j: &Blocks, dx: f32, dy: f32) -> Lanes {
+    let per_slope = 12.0 / ((block * block - 1) as f32);
     let value_gate = 9.0 * (1.0 + 0.25 * per_slope * (dx * dx + dy * dy));
     let slope_gate = 16.0 * per_slope;
     let [_, _, _, _, _, _, ci, ai, bi, qi] = *i;
@@ -88,24 +87,61 @@ fn add<const B: usize>(joint: &mut Joint, i: &Blocks, j: &Blocks, dx: f32, dy: f
     m
 }
 
-/// Joins the windows of the middle row.
-pub(super) fn join<D: DepthSample, const B: usize>(
-    context: &Context<'_, '_, D>,
+/// [`add`] as a call. Without vectors eight lanes are eight times the code: written out nine times, it was 60 kB of flash.
+#[inline(never)]
+fn add_apart(block: usize, joint: &mut Joint, i: &Blocks, j: &Blocks, dx: f32, dy: f32) -> Lanes {
+    add(block, joint, i, j, dx, dy)
+}
+
+/// Joins the windows of the middle row, of blocks of side `B`: with vectors compiled for each side, without for all together.
+pub(super) fn join<const B: usize>(
+    k: &Intrinsics,
+    across: usize,
+    row: usize,
+    blocks: [&BlockRow<'_>; 3],
+    out: &mut WindowRow<'_>,
+) {
+    if VECTORS { join_of(B, k, across, row, blocks, out) } else { join_any(B, k, across, row, blocks, out) }
+}
+
+#[inline(never)]
+fn join_any(
+    block: usize,
+    k: &Intrinsics,
+    across: usize,
+    row: usize,
+    blocks: [&BlockRow<'_>; 3],
+    out: &mut WindowRow<'_>,
+) {
+    join_of(block, k, across, row, blocks, out);
+}
+
+#[inline(always)]
+fn join_of(
+    block: usize,
+    k: &Intrinsics,
+    across: usize,
     row: usize,
     [above, middle, below]: [&BlockRow<'_>; 3],
     out: &mut WindowRow<'_>,
 ) {
     out.clear();
-    let k = context.frame.intrinsics();
     let (fx, fy) = (k.fx(), k.fy());
-    let side = B as f32;
+    let side = block as f32;
     let half = (side - 1.0) / 2.0;
     let dy = row as f32 * side + half - k.cy();
     let one = Lanes::splat(1.0);
-    for start in (1..=context.across).step_by(LANES) {
+    for start in (1..=across).step_by(LANES) {
         let own = middle.lanes(start);
         let mut joint: Joint = [Lanes::ZERO; 9];
-        let mut next = |line: &BlockRow<'_>, at, ox, oy| add::<B>(&mut joint, &own, &line.lanes(at), ox, oy);
+        let mut next = |line: &BlockRow<'_>, at, ox, oy| {
+            let other = line.lanes(at);
+            if VECTORS {
+                add(block, &mut joint, &own, &other, ox, oy)
+            } else {
+                add_apart(block, &mut joint, &own, &other, ox, oy)
+            }
+        };
         next(above, start - 1, -side, -side);
         next(above, start, 0.0, -side);
         next(above, start + 1, side, -side);
@@ -144,7 +180,7 @@ pub(super) fn join<D: DepthSample, const B: usize>(
         }
     }
     // The last eight may reach past the row's end.
-    if let Some(beyond) = out.reach.get_mut(context.across + 1..) {
+    if let Some(beyond) = out.reach.get_mut(across + 1..) {
         beyond.fill(-1.0);
     }
 }
