@@ -94,9 +94,9 @@ const QUALITY: &[Column] = &[
 
 const AGAINST: &[Column] = &[
     column("ours_map_psnr", "map", "dB", true),
-    column("map_gain", "gain", "%", true),
+    column("map_gain", "map", "%", true),
     column("ours_mirror_psnr", "mirror", "dB", true),
-    column("mirror_gain", "gain", "%", true),
+    column("mirror_gain", "mirror", "%", true),
     column("glossy_gain", "glossy", "%", true),
     column("diffuse_gain", "diffuse", "%", true),
     column("capture_map_psnr", "360 map", "dB", false),
@@ -188,7 +188,7 @@ pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, Benc
 
 /// Means over observers of what was measured.
 fn tables(plan: &Plan, measured: &[Measured], report: &mut Report) {
-    let low = "1 near view (low), unless said; nine guided frames";
+    let low = "One near view of 256x192 (low preset) and nine guided frames, unless said.";
     let sorts: [(&'static str, &str, &str, Plot); 6] = [
         (
             WAYS,

@@ -178,12 +178,13 @@ impl Report {
             notes: self.notes.clone(),
         };
         if let Some(all) = self.line("places", "all") {
-            let [map, map_gain, mirror, mirror_gain, ..] = all.cells.as_slice() else { return page.html() };
-            for (name, value, gain) in [("Map", map, map_gain), ("Mirror ball", mirror, mirror_gain)] {
+            for (name, psnr, gain) in [("Map", Some(0), 1), ("Mirror ball", Some(2), 3), ("Diffuse ball", None, 5)] {
+                let cell = |i: usize| all.cells.get(i).copied().unwrap_or(f64::NAN);
                 page.cards.push(Card {
-                    name: format!("{name}, medium preset"),
-                    value: format!("{value:.1} dB"),
-                    detail: format!("{gain:+.1} % against a 360-degree capture at the observer"),
+                    name: format!("{name}, medium preset, against a 360-degree capture"),
+                    value: format!("{:+.1} %", cell(gain)),
+                    detail: psnr.map_or_else(String::new, |i| format!("{:.1} dB; ", cell(i)))
+                        + "mean PSNR over all places and observers, the capture taken where the observer stands",
                 });
             }
         }
