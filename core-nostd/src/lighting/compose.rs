@@ -7,6 +7,7 @@ use super::far::extrapolate::FarMap;
 use super::near::NearField;
 use crate::ground::colour::Colour;
 use crate::ground::image::{ImageView, ImageViewMut};
+use crate::ground::lanes::LANES;
 
 /// What a drawing of the map did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -66,12 +67,18 @@ struct Over<'a> {
     map: (usize, usize),
     /// Picture pixels read for a map pixel, along each side.
     taps: usize,
+    /// Picture columns per half a tap, times 2^32.
+    across: u64,
 }
+
+/// Picture pixels read for a map pixel, along each side, at most.
+const MOST_TAPS: usize = 4;
 
 impl<'a> Over<'a> {
     fn new(picture: ImageView<'a, [u8; 4]>, map: (usize, usize)) -> Self {
-        let taps = picture.width().div_ceil(map.0.max(1)).clamp(1, 4);
-        Self { picture, map, taps }
+        let taps = picture.width().div_ceil(map.0.max(1)).clamp(1, MOST_TAPS);
+        let across = ((picture.width() as u64) << 32) / (2 * taps * map.0.max(1)) as u64;
+        Self { picture, map, taps, across }
     }
 
     /// Picture rows that a map row reads: first, one past the last.
@@ -121,29 +128,58 @@ impl<'a> Over<'a> {
             }
             return;
         }
-        let mut to = to.iter_mut();
-        let blended = far.blended(y, self.map.1);
-        far.columns(&blended, columns, width, |x, light| {
-            let Some(to) = to.next() else { return };
-            let (mut sum, mut cover) = ([0.0_f32; 3], 0.0_f32);
-            for j in 0..self.taps {
-                let row = self.picture.row(self.row_of(y, j));
-                for i in 0..self.taps {
-                    let column = ((x * self.taps + i) * 2 + 1) * row.len() / (2 * self.taps * width);
-                    let [r, g, b, a] = row.get(column).copied().unwrap_or_default();
-                    let a = f32::from(a);
-                    cover += a;
-                    for (sum, v) in sum.iter_mut().zip([r, g, b].linear()) {
-                        *sum += a * v;
-                    }
+        // Eight pixels at a time: what of the picture lies over them, and, unless that is all, what is behind.
+        let mut rows: [&[[u8; 4]]; MOST_TAPS] = [&[]; MOST_TAPS];
+        for (tap, row) in rows.iter_mut().enumerate().take(self.taps) {
+            *row = self.picture.row(self.row_of(y, tap));
+        }
+        let rows = rows.get(..self.taps).unwrap_or_default();
+        let whole = 255.0 * (self.taps * self.taps) as f32;
+        let mut blended = None;
+        for (block, to) in to.chunks_mut(LANES).enumerate() {
+            let first = columns.start + block * LANES;
+            let mut over = [([0.0_f32; 3], 0.0_f32); LANES];
+            for (x, over) in (first..).zip(over.iter_mut().take(to.len())) {
+                *over = self.under(rows, x);
+            }
+            let over = over.get(..to.len()).unwrap_or_default();
+            let mut pixels = to.iter_mut().zip(over);
+            if over.iter().all(|(_, cover)| *cover >= whole) {
+                for (to, (sum, _)) in pixels {
+                    *to = C::of_linear(sum.map(|v| v * (1.0 / whole)));
+                }
+                continue;
+            }
+            let blended = blended.get_or_insert_with(|| far.blended(y, self.map.1));
+            far.columns(blended, first..first + over.len(), width, |_, light| {
+                let Some((to, (sum, cover))) = pixels.next() else { return };
+                let rest = 1.0 - cover * (1.0 / whole);
+                let mut mixed = light;
+                for (mixed, sum) in mixed.iter_mut().zip(sum) {
+                    *mixed = sum * (1.0 / whole) + rest * *mixed;
+                }
+                *to = C::of_linear(mixed);
+            });
+        }
+    }
+
+    /// The picture's light under a map pixel, times its coverage, and the coverage: sums over the taps.
+    #[inline(always)]
+    fn under(&self, rows: &[&[[u8; 4]]], x: usize) -> ([f32; 3], f32) {
+        let (mut sum, mut cover) = ([0.0_f32; 3], 0.0_f32);
+        for tap in 0..self.taps {
+            // The tap's middle, in picture columns: 32 bits of fraction.
+            let column = ((((x * self.taps + tap) * 2 + 1) as u64 * self.across) >> 32) as usize;
+            for row in rows {
+                let [r, g, b, a] = row.get(column).copied().unwrap_or_default();
+                let a = f32::from(a);
+                cover += a;
+                for (sum, v) in sum.iter_mut().zip([r, g, b].linear()) {
+                    *sum += a * v;
                 }
             }
-            let norm = 1.0 / (255.0 * (self.taps * self.taps) as f32);
-            let rest = 1.0 - cover * norm;
-            let [r, g, b] = sum;
-            let [fr, fg, fb] = light;
-            *to = C::of_linear([r * norm + rest * fr, g * norm + rest * fg, b * norm + rest * fb]);
-        });
+        }
+        (sum, cover)
     }
 }
 

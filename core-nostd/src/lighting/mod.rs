@@ -18,6 +18,7 @@
 //! | [`far`] | how bright and of which colour is each direction? |
 //! | [`compose`] | near over far, where it changed |
 //! | [`cube`] | the same map as six small faces |
+//! | [`registration`] | where did the near views truly stand? |
 //! | [`preset`] | how much of everything |
 //! | [`lattice`], [`equirect`] | even directions and the nearest of them; directions and map pixels |
 //!
@@ -32,6 +33,7 @@ pub mod lattice;
 pub mod near;
 pub mod policy;
 pub mod preset;
+pub mod registration;
 mod session;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@ mod planning;
 mod points;
 mod pyramid;
 pub(crate) mod raycast;
+mod registration;
 pub(crate) mod room;
 
 use crate::row::Row;
@@ -22,4 +23,5 @@ pub const ALL: &[Row] = &[
     hit::HIT,
     room::ROOM,
     planning::PATH,
+    registration::REGISTRATION,
 ];
