@@ -18,6 +18,7 @@
 //! | `measure` | timing, alternating; [`pareto`] who is beaten by nobody |
 //! | [`peers`] | other libraries, in processes of their own; [`compare`] who beats whom |
 //! | [`report`] | what came out, and its four forms |
+//! | [`lighting`] | environment maps against the truth: an evaluation of its own, with its own tables |
 //!
 //! # A new row
 //! A function that lists methods for an input, and a [`Row`](row::Row) that names the units; the row goes into `rows::ALL`:
@@ -47,6 +48,7 @@
 
 pub mod compare;
 pub mod input;
+pub mod lighting;
 mod measure;
 pub mod pareto;
 pub mod peers;
@@ -84,6 +86,9 @@ pub enum BenchError {
     /// There are no other libraries to compare with.
     #[error(transparent)]
     Peers(#[from] peers::PeersError),
+    /// The core refused what it was given.
+    #[error("the core refused: {0}")]
+    Core(String),
     /// A report can't be written.
     #[error("can't write {path}: {error}")]
     Write {
@@ -92,6 +97,12 @@ pub enum BenchError {
         /// Why.
         error: std::io::Error,
     },
+}
+
+impl BenchError {
+    fn core(error: impl std::fmt::Display) -> Self {
+        Self::Core(error.to_string())
+    }
 }
 
 /// What to measure.

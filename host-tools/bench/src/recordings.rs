@@ -50,7 +50,7 @@ const ALL: [Recording; 3] = [
 ];
 
 /// Where the data would be.
-fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     std::env::var_os("ISOBATH_DATA").map_or_else(beside, PathBuf::from)
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use isobath::glam::{Vec2, Vec3};
+use isobath::lighting::Preset;
 
 const AFTER: &str = "\
 Start here:
@@ -60,6 +61,10 @@ pub(crate) enum Command {
     FindPlace(FindPlaceArgs),
     /// How to walk from one point to another, around what can't be climbed
     Path(PathArgs),
+    /// The light that falls on a place, as an environment map
+    Envmap(EnvmapArgs),
+    /// The same light on a mirror, a glossy and a matt ball, and as nine coefficients
+    Probe(ProbeArgs),
     /// Run time against error of all of these, measured here on simulated frames with known truth
     Bench(BenchArgs),
     /// Completions for your shell, on stdout
@@ -455,6 +460,132 @@ pub(crate) struct PathArgs {
     pub(crate) all: bool,
 }
 
+/// How much of everything the light of a place is made with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PresetName {
+    /// For devices: one view of 96x72, a map of 96x48, all in 256 KiB
+    Tiny,
+    /// Three views of 256x192, a map of 512x256
+    Low,
+    /// Four views of 512x384, a map of 512x256
+    Medium,
+    /// Five views of 1024x768, a map of 1024x512
+    High,
+}
+
+impl PresetName {
+    pub(crate) const fn preset(self) -> Preset {
+        match self {
+            Self::Tiny => Preset::TINY,
+            Self::Low => Preset::LOW,
+            Self::Medium => Preset::MEDIUM,
+            Self::High => Preset::HIGH,
+        }
+    }
+
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Tiny => "tiny",
+            Self::Low => "low",
+            Self::Medium => "medium",
+            Self::High => "high",
+        }
+    }
+}
+
+/// A place in a recording, and how its light is gathered. (Where it may be left out, `--at` is what tells.)
+#[derive(Debug, Args)]
+#[group(arg = "at")]
+pub(crate) struct LightArgs {
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+
+    /// The place that the light falls on, metres, world
+    #[arg(long, value_name = "X,Y,Z", value_parser = vec3, allow_hyphen_values = true, help_heading = "Light")]
+    pub(crate) at: Vec3,
+
+    /// How much of everything [default: low]
+    #[arg(long, value_enum, help_heading = "Light")]
+    pub(crate) preset: Option<PresetName>,
+
+    /// Say which of so many directions away from the place were seen, and where to look next: 1, 3, 5 or 9
+    #[arg(long, value_name = "N", help_heading = "Light")]
+    pub(crate) guided: Option<usize>,
+
+    /// Take every frame, also those that motion may have blurred and those with nothing new
+    #[arg(long, help_heading = "Light")]
+    pub(crate) all: bool,
+
+    /// Light of directions never seen, linear, 1 is a camera's white [default: the mean of the first frame]
+    #[arg(long, value_name = "R,G,B", value_parser = numbers::<3>, help_heading = "Light")]
+    pub(crate) ambient: Option<[f32; 3]>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  isobath envmap sim:living-room --at=-0.35,0.53,-0.5 --out table.exr
+  isobath envmap scans/kitchen --at 0,0.8,1.5 --preset high --out kitchen.hdr
+
+Every frame of SRC is offered, in order; those are taken that are still (less
+than 10 cm and 10 degrees within five frames) and show something new. Frames that
+see the place are near views, all bring light from afar. SRC needs poses and colour. The map is
+equirectangular: up in the first row, linear (EXR, HDR) or sRGB (PNG). Its
+middle column looks along -z where y is up.")]
+pub(crate) struct EnvmapArgs {
+    #[command(flatten)]
+    pub(crate) light: LightArgs,
+
+    /// Where the map goes: .exr or .hdr (linear), .png (as a camera would show it)
+    #[arg(long, value_name = "FILE", value_parser = map_file)]
+    pub(crate) out: PathBuf,
+}
+
+// A map in a file needs neither a recording nor a place in it.
+#[derive(Debug, Args)]
+#[command(
+    override_usage = "isobath probe <SRC> --at <X,Y,Z> [OPTIONS]\n       isobath probe --map <FILE> [OPTIONS]",
+    mut_arg("src", |arg| arg.required(false).required_unless_present("map")),
+    mut_arg("at", |arg| arg.required(false).required_unless_present("map")),
+    after_help = "\
+Examples:
+  isobath probe sim:living-room --at=-0.35,0.53,-0.5 --out balls.png
+  isobath probe --map table.exr --json
+
+The picture shows a mirror, a glossy and a matt ball as the last camera sees
+them (a map's: looking along -z). The coefficients are those of the real
+spherical harmonics 1; y, z, x; xy, yz, 3z2-1, xz, x2-y2 in the map's axes."
+)]
+pub(crate) struct ProbeArgs {
+    #[command(flatten)]
+    pub(crate) light: Option<LightArgs>,
+
+    /// Environment map in place of a recording: .exr, .hdr, .png or .jpg, twice as wide as high
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["src", "at"])]
+    pub(crate) map: Option<PathBuf>,
+
+    /// Where the picture of the balls goes, .png
+    #[arg(long, value_name = "FILE", value_parser = png_file)]
+    pub(crate) out: Option<PathBuf>,
+
+    /// The light that is shown as white is 1 divided by this
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    pub(crate) exposure: f32,
+}
+
+fn map_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("exr" | "hdr" | "png") => Ok(path),
+        _ => Err("the name must end in .exr, .hdr or .png".to_owned()),
+    }
+}
+
+fn png_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|e| e == "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }
+}
+
 fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
     let mut out = [0.0; N];
     let mut parts = text.split(',');
@@ -482,11 +613,17 @@ fn vec3(text: &str) -> Result<Vec3, String> {
 
 /// What is measured.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  isobath bench --quick\n  isobath bench --filter normals --size 640x480\n  \
-    isobath bench --filter normals --peers\n\n\
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:\n  isobath bench --quick\n  isobath bench --filter normals --size 640x480\n  \
+    isobath bench --filter normals --peers\n  isobath bench lighting --quick\n\n\
     Times are the thread's own processor time, nanoseconds, of the best of several\nrounds in turn. The report's folder gets bench.html \
-    (plots), bench.csv and\nbench.json. Other libraries run in processes of their own, one core each.")]
+    (plots), bench.csv and\nbench.json. Other libraries run in processes of their own, one core each."
+)]
 pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    pub(crate) only: Option<BenchOnly>,
+
     /// Only what has this in its name; may be given several times
     #[arg(long, value_name = "NAME")]
     pub(crate) filter: Vec<String>,
@@ -507,6 +644,39 @@ pub(crate) struct BenchArgs {
     /// target/peers, which is where they are looked for when no folder is named
     #[arg(long, value_name = "PEERS", num_args = 0..=1, default_missing_value = "target/peers")]
     pub(crate) peers: Option<PathBuf>,
+
+    /// Folder for the report
+    #[arg(long, value_name = "DIR", default_value = "out/bench")]
+    pub(crate) out: PathBuf,
+}
+
+/// What has a bench of its own.
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchOnly {
+    /// Environment maps and balls against the truth, as in the lighting paper's evaluation
+    Lighting(BenchLightingArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  isobath bench lighting --quick
+  isobath bench lighting --out out/lighting
+
+In sim:living-room, 72 observers around each of ten places: one frame that sees
+the place, nine that look away. PSNR and SSIM of the map and of three balls, for
+all presets, a 360-degree capture and single fields; views, directions, rules and
+drift one by one; times of all components; photographed HDR panoramas where
+../shared/data/hdri_polyhaven (or $ISOBATH_DATA) has them. About ten minutes on
+two cores. Writes lighting.html (plots), lighting.csv, lighting.json.")]
+pub(crate) struct BenchLightingArgs {
+    /// Two places, two observers each: half a minute
+    #[arg(long)]
+    pub(crate) quick: bool,
+
+    /// Of drift and random colours
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
 
     /// Folder for the report
     #[arg(long, value_name = "DIR", default_value = "out/bench")]

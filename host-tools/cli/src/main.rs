@@ -12,6 +12,7 @@
 //! | `say` | stdout: text for people or one JSON object, never both |
 //! | `failure` | stderr: what, where, what to do |
 //! | `picture` | false colours, perspective drawings, SVG |
+//! | `lighting` | what falls on a place: a recording's frames into one session |
 //! | `pipeline` | the main job's stages, timed, in memory taken once |
 //! | `report` | `report.html`: one page that needs nothing else |
 //! | `files` | NPY, PLY and the like |
@@ -22,6 +23,7 @@ mod args;
 mod commands;
 mod failure;
 mod files;
+mod lighting;
 mod picture;
 mod pipeline;
 mod report;
@@ -53,6 +55,8 @@ fn main() -> ExitCode {
         Command::Place(args) => commands::place::run(args, &mut say),
         Command::FindPlace(args) => commands::find_place::run(args, &mut say),
         Command::Path(args) => commands::path::run(args, &mut say),
+        Command::Envmap(args) => commands::envmap::run(args, &mut say),
+        Command::Probe(args) => commands::probe::run(args, &mut say),
         Command::Bench(args) => commands::bench::run(args, &mut say),
         Command::Completions { shell } => {
             commands::completions::run(*shell);

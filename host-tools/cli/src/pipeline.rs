@@ -14,11 +14,16 @@
 //! | stool places | does a stool fit here, level and wholly in sight? at 32 taps | depth, pyramid, up |
 //! | height map | how high is the ground, cell by cell? | depth, ground |
 //! | path | how does one walk across? | height map |
+//! | light | what light falls on the object placed first? | colour, up, a place |
 
 use std::time::Instant;
 
 use isobath::glam::{Mat3, Quat, Vec2, Vec3};
 use isobath::ground::geometry::{OrientedBox, Plane, Ray};
+use isobath::ground::image::ImageViewMut;
+use isobath::lighting::equirect::MapFrame;
+use isobath::lighting::far::harmonics::Harmonics;
+use isobath::lighting::{Drawn, Observed, Preset, Session};
 use isobath::localized::collision::{Collision, CollisionParams, Verdict, box_points, vote};
 use isobath::localized::height_map::{Grid, HeightCell, HeightMap, HeightMapParams, IntegrateReport};
 use isobath::localized::hit::{Hit, HitOutcome, HitParams, hit_test};
@@ -33,8 +38,10 @@ use isobath::sensing::depth::{DepthSample, HolePolicy};
 use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::Work;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
+use isobath_sim::LinearImage;
 
 use crate::failure::{Failure, Outcome};
+use crate::lighting;
 
 /// Cells of the height map along a side.
 pub(crate) const MAP_CELLS: usize = 128;
@@ -48,6 +55,8 @@ pub(crate) const CHAIR: Vec3 = Vec3::new(0.5, 0.9, 0.5);
 pub(crate) const STOOL: Vec3 = Vec3::new(0.3, 0.4, 0.3);
 /// Taps across and down, over the lower half of the image.
 const TAPS: (usize, usize) = (8, 4);
+/// How high above the reticle's point an object is lit, metres.
+const ABOVE: f32 = 0.15;
 /// Largest angle of a tapped surface from level, as a cosine (25 degrees).
 const LEVEL: f32 = 0.906;
 /// Rays of the fan, along each side of the view.
@@ -61,8 +70,18 @@ const STRICT: CollisionParams =
 pub(crate) const WALKER: Walker = Walker { radius: 0.15, ..Walker::DEFAULT };
 
 /// The stages that are timed.
-pub(crate) const STAGES: [&str; 9] =
-    ["pyramid", "normals", "ground plane", "reticle", "rays", "chair votes", "stool places", "height map", "path"];
+pub(crate) const STAGES: [&str; 10] = [
+    "pyramid",
+    "normals",
+    "ground plane",
+    "reticle",
+    "rays",
+    "chair votes",
+    "stool places",
+    "height map",
+    "path",
+    "light",
+];
 const PYRAMID: usize = 0;
 const NORMALS: usize = 1;
 const GROUND: usize = 2;
@@ -72,10 +91,13 @@ const VOTES: usize = 5;
 const PLACES: usize = 6;
 const HEIGHT_MAP: usize = 7;
 const PATH: usize = 8;
+const LIGHT: usize = 9;
+/// Sizes of the light's session.
+const LIGHT_PRESET: Preset = Preset::LOW;
 
 /// What one unit of a stage's work is.
 pub(crate) const WORK_UNITS: [&str; STAGES.len()] =
-    ["pixels", "pixels", "pixels", "", "pixels", "points", "pixels", "pixels", "cells"];
+    ["pixels", "pixels", "pixels", "", "pixels", "points", "pixels", "pixels", "cells", "pixels"];
 
 /// A tap on the image, and what may stand there.
 #[derive(Debug, Clone, Copy)]
@@ -84,6 +106,20 @@ pub(crate) struct Tap {
     /// The chair and its verdict, where the surface is level.
     pub(crate) chair: Option<(OrientedBox, Collision)>,
     pub(crate) stool: Result<Placement, NoPlace>,
+}
+
+/// What an object's place gives to the object, and why it is there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lit {
+    pub(crate) map: MapFrame,
+    pub(crate) why: &'static str,
+    pub(crate) observed: Observed,
+    pub(crate) drawn: Drawn,
+    /// Far anchors seen so far, and the share of all directions with near points.
+    pub(crate) seen: usize,
+    pub(crate) near_share: f32,
+    /// Of the map, in its axes.
+    pub(crate) harmonics: Harmonics,
 }
 
 /// What one frame gave.
@@ -109,6 +145,7 @@ pub(crate) struct Findings {
     pub(crate) ends: (Vec3, Vec3),
     /// The path's corners, world, metres.
     pub(crate) path: Vec<Vec3>,
+    pub(crate) light: Result<Lit, &'static str>,
     /// Work of each stage, where it counts any.
     pub(crate) work: [Option<Work>; STAGES.len()],
     /// Nanoseconds of each stage.
@@ -140,6 +177,8 @@ pub(crate) struct Memory<D: DepthSample> {
     nodes: Vec<Node>,
     queue: Vec<u32>,
     corners: [Vec3; CORNERS],
+    light: lighting::Memory,
+    light_map: Vec<[f32; 3]>,
 }
 
 impl<D: DepthSample> Memory<D> {
@@ -151,11 +190,13 @@ impl<D: DepthSample> Memory<D> {
             nodes: vec![Node::EMPTY; MAP_CELLS * MAP_CELLS],
             queue: Vec::with_capacity(MAP_CELLS * MAP_CELLS),
             corners: [Vec3::ZERO; CORNERS],
+            light: lighting::Memory::new(LIGHT_PRESET),
+            light_map: vec![[0.0; 3]; LIGHT_PRESET.map_pixels()],
         }
     }
 
     /// What the memory is for, and its bytes.
-    pub(crate) fn bytes(&self) -> [(&'static str, usize); 6] {
+    pub(crate) fn bytes(&self) -> [(&'static str, usize); 8] {
         [
             ("depth pyramid", size_of_val(self.pyramid.as_slice())),
             ("rows of normals", size_of_val(self.scratch.as_slice())),
@@ -163,6 +204,8 @@ impl<D: DepthSample> Memory<D> {
             ("planner", size_of_val(self.nodes.as_slice())),
             ("path corners", size_of_val(&self.corners)),
             ("reticle", size_of::<Reticle>()),
+            ("light", self.light.bytes().iter().map(|part| part.1).sum()),
+            ("light map", size_of_val(self.light_map.as_slice())),
         ]
     }
 }
@@ -174,6 +217,8 @@ pub(crate) struct World {
     pub(crate) grid: Grid,
     /// Whether the grid lies on ground that was seen; otherwise [`STANDING`] metres below the camera.
     pub(crate) grounded: bool,
+    /// Whether frames share this world. If not, each lights an object of its own.
+    pub(crate) moves: bool,
 }
 
 /// Runs the stages over frames.
@@ -189,6 +234,10 @@ pub(crate) struct Pipeline<'m, D: DepthSample> {
     /// The last ground found, for frames that show none.
     ground: Option<Plane>,
     reticle: Reticle,
+    /// Until an object stands somewhere for all frames.
+    light: Option<&'m mut lighting::Memory>,
+    session: Option<(Session<'m>, &'static str)>,
+    light_map: &'m mut [[f32; 3]],
 }
 
 /// Measures one stage.
@@ -218,7 +267,16 @@ impl<'m, D: DepthSample> Pipeline<'m, D> {
             corners: &mut memory.corners,
             ground: None,
             reticle: Reticle::new(ReticleParams::DEFAULT).map_err(|e| Failure::of(&e, "reticle"))?,
+            light: Some(&mut memory.light),
+            session: None,
+            light_map: &mut memory.light_map,
         })
+    }
+
+    /// The environment map of the object that was lit last.
+    pub(crate) fn light_map(&self) -> LinearImage {
+        let (width, height) = LIGHT_PRESET.map;
+        LinearImage { width, height, pixels: self.light_map.to_vec() }
     }
 
     pub(crate) const fn grounded(&self) -> bool {
@@ -343,6 +401,12 @@ impl<'m, D: DepthSample> Pipeline<'m, D> {
         let cells = (MAP_CELLS * MAP_CELLS) as u32;
         work[PATH] = Some(Work { done: expanded, skipped: cells - expanded.min(cells) });
 
+        let light = self.light(frame, &taps, hit.hit(), &mut watch)?;
+        if let Ok(lit) = &light {
+            let map = lit.drawn.map;
+            work[LIGHT] = Some(Work { done: map.written as u32, skipped: map.skipped as u32 });
+        }
+
         let readings = frame.depth().rows().flatten().filter(|z| z.is_valid()).count();
         Ok(Findings {
             camera: frame.pose_or_identity().translation(),
@@ -362,9 +426,46 @@ impl<'m, D: DepthSample> Pipeline<'m, D> {
             plan,
             ends,
             path,
+            light,
             work,
             times,
         })
+    }
+
+    /// The light that falls on an object: where the first frame with room for one put it, or where this frame does when each is a world
+    /// of its own.
+    fn light(
+        &mut self,
+        frame: &DepthFrame<'_, D>,
+        taps: &[Tap],
+        hit: Option<&Hit>,
+        watch: &mut Watch<'_>,
+    ) -> Outcome<Result<Lit, &'static str>> {
+        if frame.colour().is_none() {
+            return Ok(Err("there is no colour to take light from"));
+        }
+        let frame = frame.with_pose(frame.pose_or_identity());
+        let up = self.world.up;
+        let ambient = lighting::mean_colour(&frame);
+        let place = || {
+            let (at, why) = object_place(taps, hit, frame.size(), up)?;
+            Some((MapFrame::with_up(at, up)?, why))
+        };
+        if self.world.moves {
+            if self.session.is_none()
+                && let Some((map, why)) = place()
+                && let Some(memory) = self.light.take()
+            {
+                self.session = Some((memory.session(map, ambient)?, why));
+            }
+            if let Some((session, why)) = &mut self.session {
+                return lit(session, why, &frame, self.light_map, watch).map(Ok);
+            }
+        } else if let (Some((map, why)), Some(memory)) = (place(), self.light.as_deref_mut()) {
+            let mut session = memory.session(map, ambient)?;
+            return lit(&mut session, why, &frame, self.light_map, watch).map(Ok);
+        }
+        Ok(Err("there is no place for an object yet"))
     }
 
     /// A walk worth planning, between two far ends of connected ground. Not
@@ -456,6 +557,43 @@ fn chair_at<D: DepthSample>(
     let rotation = Quat::from_mat3(&Mat3::from_cols(up.cross(z), up, z));
     let chair = OrientedBox { centre: hit.point + up * (CHAIR.y / 2.0), half: CHAIR / 2.0, rotation };
     Some((chair, vote(frame, box_points(&chair, up), &STRICT)))
+}
+
+/// A frame offered to an object's session, and the map drawn.
+fn lit<D: DepthSample>(
+    session: &mut Session<'_>,
+    why: &'static str,
+    frame: &DepthFrame<'_, D>,
+    pixels: &mut [[f32; 3]],
+    watch: &mut Watch<'_>,
+) -> Outcome<Lit> {
+    let id = frame.sequence() as u32;
+    let (width, height) = LIGHT_PRESET.map;
+    let mut out = ImageViewMut::new(pixels, width, height).map_err(|e| Failure::of(&e, "environment map"))?;
+    let (observed, drawn) = watch.time(LIGHT, || {
+        let observed = session.observe(frame, id);
+        (observed, session.draw(&mut out))
+    });
+    let observed = observed.map_err(|e| Failure::of(&e, format!("frame {}", frame.sequence())))?;
+    let (seen, near_share) = (session.far().seen(), lighting::near_share(session));
+    let map = LinearImage { width, height, pixels: pixels.to_vec() };
+    let harmonics = lighting::harmonics(&map);
+    Ok(Lit { map: *session.map(), why, observed, drawn, seen, near_share, harmonics })
+}
+
+/// Where an object would be put: where the stool fits nearest to the middle of the image, else where a chair is free, else what the
+/// reticle meets. And which of these.
+fn object_place(taps: &[Tap], hit: Option<&Hit>, (w, h): (usize, usize), up: Vec3) -> Option<(Vec3, &'static str)> {
+    let off = |tap: &&Tap| (2 * tap.pixel.0).abs_diff(w).pow(2) + (2 * tap.pixel.1).abs_diff(h).pow(2);
+    let stool = taps.iter().filter(|t| t.stool.is_ok()).min_by_key(off);
+    let chair = || taps.iter().filter(|t| t.chair.is_some_and(|c| c.1.verdict == Verdict::Free)).min_by_key(off);
+    if let Some(at) = stool.and_then(|t| t.stool.as_ref().ok()) {
+        return Some((at.pose.centre, "a stool that fits"));
+    }
+    if let Some((at, _)) = chair().and_then(|t| t.chair) {
+        return Some((at.centre, "a chair that is free"));
+    }
+    hit.map(|hit| (hit.point + up * ABOVE, "15 cm above what the reticle meets"))
 }
 
 /// Where the map lies: on the ground, reaching from the camera forwards; around the camera when it will move. And whether

@@ -88,6 +88,9 @@ fn help_teaches() {
         "place",
         "find-place",
         "path",
+        "envmap",
+        "probe",
+        "bench",
         "completions",
     ] {
         assert!(text.contains(command), "{command}");
@@ -195,6 +198,12 @@ fn bad_usage_is_two_and_failure_is_one() {
         vec!["measure", &m, "--pixels", "1,2"],
         vec!["hit", &m, "--pixel", "1,2", "--intrinsics", "1,2,3,4"],
         vec!["points", &m, "--out", "x.obj"],
+        vec!["envmap", &m, "--at", "0,0,1", "--out", "x.jpg"],
+        vec!["envmap", &m, "--out", "x.exr"],
+        vec!["probe", &m],
+        vec!["probe", "--at", "0,0,1"],
+        vec!["probe", &m, "--at", "0,0,1", "--map", "x.exr"],
+        vec!["probe", "--map", "x.exr", "--out", "balls.jpg"],
     ] {
         let output = isobath(&args);
         assert_eq!(output.status.code(), Some(2), "{args:?}");
@@ -207,6 +216,11 @@ fn bad_usage_is_two_and_failure_is_one() {
         vec!["raycast", &m, "--from", "0,0,0", "--dir", "0,0,1", "--world"],
         vec!["normals", &m, "--out", "/nowhere/at/all.npy"],
         vec!["hit", &m, "--pixel", "1,2", "--up", "0,0,0"],
+        vec!["envmap", &m, "--at", "0,0,1", "--out", "x.exr"],
+        vec!["envmap", "sim:wall", "--size", "32x24", "--at", "0,1,0", "--guided", "4", "--out", "x.exr"],
+        vec!["envmap", "sim:wall", "--size", "32x24", "--at", "0,1,0", "--out", "/nowhere/at/all.exr"],
+        vec!["probe", "--map", "/nowhere.exr"],
+        vec!["probe", "--map", &m],
     ] {
         let output = isobath(&args);
         assert_eq!(output.status.code(), Some(1), "{args:?}");
@@ -232,7 +246,7 @@ fn errors_for_machines_are_json_too() {
 fn piped_output_is_plain_and_narrow() {
     let m = motorcycle();
     let folder = Folder::new();
-    let out = folder.path("report");
+    let (out, map) = (folder.path("report"), folder.path("map.exr"));
     for args in [
         vec!["info", &m],
         vec!["hit", &m, "--pixel", "370,250"],
@@ -241,6 +255,8 @@ fn piped_output_is_plain_and_narrow() {
         vec!["place", &m, "--box", "0,0.6,2.6,0.5,0.9,0.5"],
         vec!["path", &m, "--from", "0,1,2", "--to", "0,1,3"],
         vec!["run", &m, "--out", &out, "--repeat", "1"],
+        vec!["envmap", "sim:sphere", "--size", "32x24", "--at", "0,0.3,0", "--guided", "3", "--out", &map],
+        vec!["probe", "--map", &map],
     ] {
         let output = isobath(&args);
         assert_eq!(output.status.code(), Some(0), "{args:?}");
@@ -350,7 +366,9 @@ fn the_first_run_shows_something_true() {
     assert!(number(&found["path"]["length_m"]) > number(&found["path"]["straight_m"]), "it goes around something");
     assert!(number(&found["placement"]["chairs_free"]) > 0.0 && number(&found["placement"]["chairs_blocked"]) > 0.0);
     assert_eq!(answer["passes_per_frame"], 2);
-    for stage in ["pyramid", "normals", "path", "all_stages", "read"] {
+    let light = &found["light"];
+    assert!(light["answer"] == "light" && light["near_view"] == true && number(&light["near_share"]) > 0.1, "{light}");
+    for stage in ["pyramid", "normals", "path", "light", "all_stages", "read"] {
         assert!(number(&answer["times"][stage]["median_ns"]) > 0.0, "{stage}");
     }
     let file: Value =
@@ -393,7 +411,7 @@ fn every_field_is_documented() {
         readme.lines().find(|l| l.starts_with(&start)).unwrap_or_else(|| panic!("{command} has a row")).to_owned()
     };
     let (m, folder) = (motorcycle(), Folder::new());
-    let (out, npy) = (folder.path("report"), folder.path("n.npy"));
+    let (out, npy, map) = (folder.path("report"), folder.path("n.npy"), folder.path("map.exr"));
     for args in [
         vec!["info", &m],
         vec!["normals", &m, "--out", &npy],
@@ -404,6 +422,8 @@ fn every_field_is_documented() {
         vec!["place", &m, "--box", "0,0.6,2.6,0.5,0.9,0.5"],
         vec!["find-place", &m, "--size", "0.3,0.4,0.3"],
         vec!["path", &m, "--from", "0.15,0.54,2.17", "--to", "-1,0.25,3.25"],
+        vec!["envmap", "sim:sphere", "--size", "32x24", "--at", "0,0.3,0", "--preset", "tiny", "--out", &map],
+        vec!["probe", "--map", &map],
         vec!["run", &m, "--out", &out, "--repeat", "1"],
     ] {
         let answer = json(&args);
@@ -485,6 +505,89 @@ fn frames_with_poses_share_one_world() {
     let broken = isobath(&["hit", &src, "--frame", "2", "--pixel", "1,1"]);
     assert_eq!(broken.status.code(), Some(1));
     assert!(stderr(&broken).contains("00002.pgm"), "{}", stderr(&broken));
+}
+
+#[test]
+fn the_light_of_a_place_from_files_and_back() {
+    let folder = Folder::new();
+    let (src, map, balls) = (folder.path("room"), folder.path("map.exr"), folder.path("balls.png"));
+    let at = "--at=-0.35,0.53,-0.5";
+    let orbit = ["--path", "orbit", "--place", "table", "--environment", "64", "--out", &src];
+    json(&[&["sim", "living-room", "--frames", "30", "--size", "64x48"], &orbit[..]].concat());
+    let answer = json(&["envmap", &src, at, "--guided", "5", "--out", &map]);
+    assert_eq!((&answer["preset"], &answer["width"], &answer["height"]), (&"low".into(), &512.into(), &256.into()));
+    // A second of walking round: some frames are new, most are not; all see the table, none looks away from it.
+    assert_eq!(answer["frames_offered"], 30);
+    let taken = number(&answer["frames"]);
+    assert!((2.0..12.0).contains(&taken) && answer["near_frames"] == answer["frames"], "{answer}");
+    assert_eq!(answer["near_views_kept"], number(&answer["frames"]).min(3.0) as u64);
+    assert!(answer["guided"]["seen"] == 0 && answer["guided"]["next"]["yaw_rad"].is_number(), "{answer}");
+    assert!(number(&answer["near_share"]) > 0.2 && number(&answer["anchors_seen"]) > 100.0, "{answer}");
+    let every = json(&["envmap", &src, at, "--all", "--preset", "tiny", "--out", &folder.path("all.hdr")]);
+    assert_eq!((&every["frames"], &every["not_taken_not_new"]), (&30.into(), &0.into()));
+    assert!(every["memory_bytes"].as_object().expect("parts").values().map(number).sum::<f64>() < 256.0 * 1024.0);
+
+    // The file says what the session said; the truth beside the recording is not far.
+    let probe = json(&["probe", "--map", &map, "--out", &balls]);
+    let coefficient = |answer: &Value, k: usize| number(&answer["harmonics"]["coefficients"][k][1]);
+    for k in 0..9 {
+        assert!((coefficient(&probe, k) - coefficient(&answer, k)).abs() < 1e-4, "{k}");
+    }
+    assert!(fs::read(&balls).expect("a picture").starts_with(b"\x89PNG"));
+    let truth = format!("{src}/truth/environment/table.exr");
+    let truth = json(&["probe", "--map", &truth]);
+    let (ours, exact) = (coefficient(&probe, 0), coefficient(&truth, 0) * 0.85);
+    assert!((0.4..2.5).contains(&(ours / exact)), "the mean light: {ours} {exact}");
+    let same = json(&["probe", &src, at]);
+    assert!((coefficient(&same, 4) - coefficient(&answer, 4)).abs() < 1e-6);
+    // Without a place in view there is light from afar alone.
+    let elsewhere = json(&["envmap", &src, "--at", "50,1,0", "--preset", "tiny", "--out", &folder.path("x.png")]);
+    assert!(elsewhere["near_frames"] == 0 && number(&elsewhere["far_samples"]) > 0.0, "{elsewhere}");
+}
+
+#[test]
+fn maps_turn_with_the_worlds_up() {
+    let folder = Folder::new();
+    let light = |up: &str| {
+        let map = folder.path("map.exr");
+        json(&[
+            "envmap",
+            "sim:sphere",
+            "--size",
+            "64x48",
+            "--at",
+            "0,0.4,0",
+            "--preset",
+            "tiny",
+            "--up",
+            up,
+            "--out",
+            &map,
+        ])
+    };
+    let (upright, upside_down) = (light("0,1,0"), light("0,-1,0"));
+    // Light's vertical part changes its sign in the map's axes, and is the same in the world's.
+    let vertical = |answer: &Value| number(&answer["harmonics"]["coefficients"][1][1]);
+    assert!(vertical(&upright) * vertical(&upside_down) < 0.0);
+    let world = |answer: &Value| number(&answer["harmonics"]["main_light"]["direction"][1]);
+    assert!((world(&upright) - world(&upside_down)).abs() < 0.1, "{upright} {upside_down}");
+}
+
+#[test]
+fn what_has_no_light_says_what_is_missing() {
+    let (m, folder) = (motorcycle(), Folder::new());
+    let src = wall(&folder, "wall.pgm");
+    for (mut args, what) in
+        [(vec!["envmap", m.as_str()], "no poses"), (vec!["envmap", &src], "neither colour nor poses")]
+    {
+        args.extend(["--at", "0,0,1", "--out", "x.exr"]);
+        if args[1] == src {
+            args.extend(HAND);
+        }
+        let output = isobath(&args);
+        assert_eq!(output.status.code(), Some(1), "{args:?}");
+        assert!(stderr(&output).contains(what) && stderr(&output).contains("sim:living-room"), "{}", stderr(&output));
+    }
 }
 
 #[test]

@@ -3,13 +3,16 @@
 use std::io::{IsTerminal as _, Write as _};
 
 use isobath_bench::report::LOST;
-use isobath_bench::{BenchError, Options, run as measure};
+use isobath_bench::{BenchError, Options, lighting, run as measure};
 
-use crate::args::BenchArgs;
+use crate::args::{BenchArgs, BenchLightingArgs, BenchOnly};
 use crate::failure::{Failure, Outcome};
 use crate::say::Say;
 
 pub(crate) fn run(args: &BenchArgs, say: &mut Say) -> Outcome {
+    if let Some(BenchOnly::Lighting(args)) = &args.only {
+        return light(args, say);
+    }
     let options = Options {
         filter: args.filter.clone(),
         quick: args.quick,
@@ -17,28 +20,49 @@ pub(crate) fn run(args: &BenchArgs, say: &mut Say) -> Outcome {
         seed: args.seed,
         peers: args.peers.clone(),
     };
+    let report = watched(|tell| measure(&options, tell))?;
+    lines(&report.text(), say);
+    for file in report.write(&args.out).map_err(|e| failed(&e))? {
+        say.line(&format!("wrote {}", file.display()));
+    }
+    say.json(&report.json());
+    Ok(())
+}
+
+/// The light of places against the truth.
+fn light(args: &BenchLightingArgs, say: &mut Say) -> Outcome {
+    let options = lighting::Options { quick: args.quick, seed: args.seed };
+    let report = watched(|tell| lighting::run(&options, tell))?;
+    lines(&report.text(), say);
+    for file in report.write(&args.out).map_err(|e| failed(&e))? {
+        say.line(&format!("wrote {}", file.display()));
+    }
+    say.json(&report.json());
+    Ok(())
+}
+
+/// Runs, and on a terminal says in one line, written over and over, what is being measured.
+fn watched<T>(measure: impl FnOnce(&mut dyn FnMut(&str)) -> Result<T, BenchError>) -> Outcome<T> {
     let watched = std::io::stderr().is_terminal();
-    // One line that is written over: what is being measured.
     let mut tell = |what: &str| {
         if watched {
             let _ = write!(std::io::stderr(), "\r\x1b[2K{what}");
         }
     };
-    let report = measure(&options, &mut tell).map_err(|e| failed(&e));
+    let report = measure(&mut tell).map_err(|e| failed(&e));
     tell("");
-    let report = report?;
-    for line in report.text().trim_end().lines() {
+    report
+}
+
+/// Tables, what is lost in red.
+fn lines(text: &str, say: &mut Say) {
+    for line in text.trim_end().lines() {
         if line.starts_with(LOST) {
             say.alarm(line);
         } else {
             say.line(line);
         }
     }
-    for file in report.write(&args.out).map_err(|e| failed(&e))? {
-        say.line(&format!("wrote {}", file.display()));
-    }
-    say.json(&report.json());
-    Ok(())
 }
 
 fn failed(error: &BenchError) -> Failure {

@@ -2,6 +2,7 @@
 
 pub(crate) mod bench;
 pub(crate) mod completions;
+pub(crate) mod envmap;
 pub(crate) mod find_place;
 pub(crate) mod hit;
 pub(crate) mod info;
@@ -10,6 +11,7 @@ pub(crate) mod normals;
 pub(crate) mod path;
 pub(crate) mod place;
 pub(crate) mod points;
+pub(crate) mod probe;
 pub(crate) mod raycast;
 pub(crate) mod run;
 pub(crate) mod sim;

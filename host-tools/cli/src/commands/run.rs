@@ -66,7 +66,7 @@ fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, 
     // Without poses each frame is a world of its own, and so is its map.
     let moves = frames > 1 && first.pose.is_some();
     let (grid, grounded) = lay_grid(&view, up.direction, moves)?;
-    let world = World { up: up.direction, grid, grounded };
+    let world = World { up: up.direction, grid, grounded, moves };
     let (width, height) = view.size();
     let mut memory = Memory::<D>::new(width, height);
     let bytes = memory.bytes();
@@ -149,7 +149,7 @@ fn view_world<D: DepthSample>(view: &DepthFrame<'_, D>, world: &World, frames: u
         return Ok(*world);
     }
     let (grid, grounded) = lay_grid(view, world.up, false)?;
-    Ok(World { up: world.up, grid, grounded })
+    Ok(World { grid, grounded, ..*world })
 }
 
 fn default_out(src: &Path) -> PathBuf {

@@ -1,6 +1,7 @@
 //! The pictures of the page: what was found drawn over the colour image, depth, normals, rays, the height map from above.
 
 use isobath::glam::Vec3;
+use isobath::lighting::equirect::uv_of_direction;
 use isobath::localized::collision::Verdict;
 use isobath::localized::normals::NormalParams;
 use isobath::localized::normals::dense::{rows, scratch_len};
@@ -9,15 +10,17 @@ use isobath::localized::raycast::RayOutcome;
 use isobath::localized::reticle::ReticleState;
 use isobath::sensing::depth::DepthSample;
 use isobath::sensing::frame::DepthFrame;
+use isobath_sim::LinearImage;
 
 use super::run::{chairs_of, ray_counts, thinned};
 use super::{Figure, charts};
 use crate::failure::{Failure, Outcome};
+use crate::lighting::{balls, raster, view_from};
 use crate::picture::map::{MapDrawing, TALL, height_colour};
 use crate::picture::perspective::Pen;
 use crate::picture::svg::Svg;
 use crate::picture::{colours, frames};
-use crate::pipeline::{Findings, MAP_CELL, Pipeline, STANDING, WALKER};
+use crate::pipeline::{Findings, Lit, MAP_CELL, Pipeline, STANDING, WALKER};
 use crate::say::metres;
 
 /// The pictures of the frame that is shown, drawn while its memory holds it.
@@ -55,6 +58,9 @@ impl Drawings {
         figures.push(normals_figure((w, h), &normals));
         figures.push(rays_figure(frame, found, &normals));
         figures.push(map_figure(frame, found, pipeline));
+        if let Ok(lit) = &found.light {
+            figures.extend(light_figures(lit, found, &pipeline.light_map()));
+        }
         Ok(Self { figures })
     }
 }
@@ -277,6 +283,38 @@ fn map_figure<D: DepthSample>(frame: &DepthFrame<'_, D>, found: &Findings, pipel
         ),
         wide: false,
     }
+}
+
+/// The light of an object's place: its map, and balls in it.
+fn light_figures(lit: &Lit, found: &Findings, map: &LinearImage) -> [Figure; 2] {
+    let camera = lit.map.direction(found.camera - lit.map.at);
+    let mut svg = Svg::over(&raster(map, 1.0), "environment map");
+    if let Some(main) = lit.harmonics.main_light() {
+        let at = uv_of_direction(main.direction) * isobath::glam::Vec2::new(map.width as f32, map.height as f32) - 0.5;
+        svg.circle([at.x, at.y], 7.0, "none", "stroke=\"#ffe08a\" stroke-width=\"2\"");
+        svg.label([at.x + 11.0, at.y + 4.0], 12.0, "main light", "#ffe08a", "start");
+    }
+    let kept = if lit.near_share > 0.0 { "near points over" } else { "no near points, only" };
+    let environment = Figure {
+        title: "Environment map".into(),
+        drawing: svg.finish(),
+        legend: String::new(),
+        caption: format!(
+            "What is seen from {}, in every direction: {kept} light from afar, where no frame looked the ambient. Up in the first \
+             row; the ring is the main light of the order-2 harmonics.",
+            lit.why
+        ),
+        wide: false,
+    };
+    let picture = balls(map, &view_from(camera), 160, 1.0);
+    let balls = Figure {
+        title: "Balls in that light".into(),
+        drawing: Svg::over(&picture, "a mirror, a glossy and a matt ball").finish(),
+        legend: String::new(),
+        caption: "A mirror, a glossy and a matt white ball at that place, as the camera sees them.".into(),
+        wide: false,
+    };
+    [environment, balls]
 }
 
 #[cfg(test)]

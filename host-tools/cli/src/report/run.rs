@@ -17,6 +17,7 @@ use super::charts::{self, Bar};
 use super::drawings::Drawings;
 use super::{Card, Figure, Page, Table};
 use crate::commands::info::extend;
+use crate::lighting::{ANCHORS, light_json, light_words};
 use crate::pipeline::{CHAIR, Findings, MAP_CELL, MAP_CELLS, STAGES, STOOL, WORK_UNITS};
 use crate::say::{Say, bytes, count, duration, metres, point};
 use crate::source::{Source, Up};
@@ -258,6 +259,15 @@ fn findings_json(found: &Findings) -> Value {
         .collect();
     let [free, blocked, unknown] = tally(found);
     let [hits, occluded, missed, no_depth, outside] = ray_counts(found);
+    let light = match &found.light {
+        Ok(lit) => json!({
+            "answer": "light", "at_m": lit.map.at.to_array(), "near_view": lit.observed.near.is_some(),
+            "near_points": lit.observed.near.map(|n| n.inside), "far_samples": lit.observed.far.samples,
+            "anchors_seen": lit.seen, "near_share": lit.near_share,
+            "harmonics": light_json(&lit.harmonics, |d| lit.map.rotation.inverse() * d),
+        }),
+        Err(why) => json!({ "answer": "none", "why": why }),
+    };
     let path: Vec<[f32; 3]> = found.path.iter().map(|p| p.to_array()).collect();
     let detour = detour(found);
     json!({
@@ -280,6 +290,7 @@ fn findings_json(found: &Findings) -> Value {
             "straight_m": detour.map(|d| d.1),
             "from_m": found.ends.0.to_array(), "to_m": found.ends.1.to_array(),
         },
+        "light": light,
     })
 }
 
@@ -369,6 +380,21 @@ impl Overview<'_> {
                 ("path", format!("{} long", metres(length)), remark)
             }
             None => ("path", "none".into(), plan_sentence(&f.plan)),
+        });
+        out.push(match &f.light {
+            Ok(lit) => {
+                let (from, strength) = light_words(lit.harmonics.main_light().as_ref());
+                let remark = format!(
+                    "{strength}; for {}, at {}; {} of {} directions seen from afar, {:.0} % with near points",
+                    lit.why,
+                    point(lit.map.at),
+                    count(lit.seen as u64),
+                    count(ANCHORS as u64),
+                    100.0 * lit.near_share
+                );
+                ("light", format!("mainly {from}"), remark)
+            }
+            Err(why) => ("light", "none".into(), (*why).into()),
         });
         out
     }
