@@ -2,7 +2,7 @@
 //!
 //! | preset | views | view | levels | map | memory of the near field |
 //! |---|--:|---|---|---|--:|
-//! | [`Preset::TINY`] (ours) | 1 | 96 x 72 | 96 x 48, 48 x 24 | 96 x 48 | 74 KiB |
+//! | [`Preset::TINY`] (ours) | 1 | 96 x 72 | 96 x 48, 48 x 24 | 96 x 48 | 72 KiB |
 //! | [`Preset::LOW`] | 3 | 256 x 192 | 512 x 256, 256 x 128, 64 x 32 | 512 x 256 | 2.8 MiB |
 //! | [`Preset::MEDIUM`] | 4 | 512 x 384 | 768 x 384, 384 x 192 | 512 x 256 | 9.5 MiB |
 //! | [`Preset::HIGH`] | 5 | 1024 x 768 | 1024 x 512, 512 x 256 | 1024 x 512 | 31 MiB |

@@ -19,6 +19,8 @@ use std::vec::Vec;
 #[derive(Debug, Clone)]
 enum Step {
     Frame { eye: Vec3, target: Vec3, seed: u32, id: u32 },
+    /// A far picture.
+    Far { target: Vec3, seed: u32 },
     Ambient(f32),
     Correct(usize, Vec3),
     Move(Vec3),
@@ -32,6 +34,7 @@ fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         8 => (vector(1.5), vector(0.4), any::<u32>(), 0_u32..5)
             .prop_map(|(eye, target, seed, id)| Step::Frame { eye, target, seed, id }),
+        2 => (vector(1.0), any::<u32>()).prop_map(|(target, seed)| Step::Far { target, seed }),
         1 => (0.0_f32..2.0).prop_map(Step::Ambient),
         1 => (0_usize..3, vector(1.0)).prop_map(|(slot, eye)| Step::Correct(slot, eye)),
         1 => vector(0.2).prop_map(Step::Move),
@@ -62,8 +65,22 @@ proptest! {
                         .with_colour(ImageView::new(&colour, 32, 24).unwrap()).unwrap()
                         .with_pose(pose)
                         .with_time(Timestamp::from_nanos(i as i64 * 100_000_000), i as u64);
-                    let seen = session.observe(&frame, id).unwrap();
-                    prop_assert_eq!(seen.near.is_some(), frame.pixel_of_world(session.map().at).is_some());
+                    // As from a near key frame, or from a camera.
+                    if seed % 4 == 0 {
+                        let seen = session.observe_near(&frame, id).unwrap();
+                        prop_assert_eq!(session.near().view(seen.slot).unwrap().id, id);
+                    } else {
+                        let seen = session.observe(&frame, id).unwrap();
+                        prop_assert_eq!(seen.near.is_some(), frame.pixel_of_world(session.map().at).is_some());
+                    }
+                }
+                Step::Far { target, seed } => {
+                    let Some(pose) = look(Vec3::ZERO, target) else { continue };
+                    let picture: Vec<[u8; 3]> = (0..768_u32).map(|i| [(i.wrapping_mul(seed) >> 7) as u8, 9, i as u8]).collect();
+                    let camera = Intrinsics::from_fov(1.1, 32, 24).unwrap();
+                    let time = Timestamp::from_nanos(i as i64 * 100_000_000);
+                    let report = session.observe_far(ImageView::new(&picture, 32, 24).unwrap(), &camera, &pose, time);
+                    prop_assert_eq!(report.samples, 768);
                 }
                 Step::Ambient(light) => session.set_ambient([light, 0.5, 0.1]),
                 Step::Correct(slot, eye) => _ = look(eye, Vec3::ZERO).map(|pose| session.correct(slot, pose)),

@@ -17,7 +17,7 @@ use isobath::wire::rvl;
 use isobath_firmware_job::lighting::{self, TINY};
 use isobath_firmware_job::others::{self, Scratch};
 use isobath_firmware_job::{Answers, H, Job, LightMemory, Memory, Packed, Surroundings, Unmeasured, View, W};
-use isobath_sim::{CameraPath, Rigid, SimFrame, SimOptions, Simulation};
+use isobath_sim::{CameraPath, Rigid, SimFrame, SimOptions, Simulation, v3};
 
 /// Frames walking (a fifth of a second apart), and frames standing (in which only the noise changes).
 const WALKING: usize = 4;
@@ -96,7 +96,7 @@ fn light(out: &Path) -> Result<String, Box<dyn Error>> {
     let place = *simulation.scene().places().get("table").ok_or("the living room has no table")?;
     let (first, later) = (simulation.frame(0), simulation.frame(8));
     let eye = first.pose.translation;
-    let behind = Rigid::looking_at(eye, eye + (eye - place));
+    let behind = Rigid::looking_at(eye, eye + v3(eye.x - place.x, 0.0, eye.z - place.z));
     let behind_colour = simulation.scene().render_colour(0.0, simulation.depth_camera(), &behind, 1);
     let messages = [
         key_frame(&simulation, &first, 1, false)?,

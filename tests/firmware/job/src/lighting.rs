@@ -82,6 +82,7 @@ const MAP: usize = TINY.map_pixels();
 ///
 /// # Errors
 /// [`Refused`] when a message is none, or not one of a frame that fits.
+#[inline(never)]
 pub fn measure(
     around: &Surroundings<'_>,
     memory: &mut LightMemory,

@@ -45,6 +45,7 @@ const TIMES: u32 = 20;
 ///
 /// # Errors
 /// [`Refused`] when the stream or the camera is none.
+#[inline(never)]
 pub fn measure(
     packed: &Packed<'_>,
     memory: &mut Memory,

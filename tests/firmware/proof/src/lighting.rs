@@ -112,7 +112,10 @@ fn session(at: &MapFrame, frame: &DepthFrame<'_>, metres: &DepthFrame<'_, f32>, 
     let mut registration = Registration::<2>::new(planes, black_box(RegistrationParams::default()));
     black_box(session.prepare(&mut registration, &DepthNoise::KINECT).is_ok());
     black_box(registration.set(black_box(1), metres, &DepthNoise::NONE).is_ok());
-    black_box((registration.set_pose(black_box(1), frame.pose_or_identity()), registration.start(black_box(&[0])).is_ok()));
+    black_box((
+        registration.set_pose(black_box(1), frame.pose_or_identity()),
+        registration.start(black_box(&[0])).is_ok(),
+    ));
     black_box(registration.step(black_box(1000)));
     black_box((session.adopt(&registration), registration.report(black_box(1)).map(|r| r.unknown_directions().len())));
     black_box(session.draw_all(&mut ImageViewMut::new(packed, width, height).ok()?));

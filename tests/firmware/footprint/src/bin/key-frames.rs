@@ -11,9 +11,9 @@ use isobath_footprint::isobath::wire::keyframe::{FarOptions, KeyFrame, NearOptio
 use isobath_footprint::{H, W};
 
 isobath_footprint::capability!(|frame: &DepthFrame<'_>| {
-    static COLOUR: Image<[u8; 3], W, H> = Image::filled([0; 3]);
+    let colours = Image::<[u8; 3], W, H>::filled([0; 3]);
     let mut bytes = [0; 4096];
-    let Ok(frame) = frame.with_colour(black_box(&COLOUR).view()) else { return };
+    let Ok(frame) = frame.with_colour(black_box(&colours).view()) else { return };
     black_box(encode_near(&frame, &NearOptions::default(), black_box(&mut bytes)).is_ok());
     black_box(encode_far(&frame, &FarOptions::default(), black_box(&mut bytes)).is_ok());
     let (mut depth, mut colour) = (DepthArray::<16, 16>::filled(0), Image::<[u8; 3], 16, 16>::filled([0; 3]));

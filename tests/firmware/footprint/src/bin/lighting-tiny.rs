@@ -17,7 +17,7 @@ use isobath_footprint::{H, W};
 const P: Preset = Preset::TINY;
 
 isobath_footprint::capability!(|frame: &DepthFrame<'_>| {
-    static COLOUR: Image<[u8; 3], W, H> = Image::filled([0; 3]);
+    let colours = Image::<[u8; 3], W, H>::filled([0; 3]);
     let mut storage = NearStorage::<
         { P.views * P.view_pixels() },
         { P.views * P.level_pixels() },
@@ -28,7 +28,7 @@ isobath_footprint::capability!(|frame: &DepthFrame<'_>| {
     far.restart(FarParams::default(), black_box([0.2; 3]));
     let mut grid = FarMap::<64, 32>::new();
     let mut map = [[0_u8; 3]; P.map_pixels()];
-    let Ok(frame) = frame.with_colour(black_box(&COLOUR).view()) else { return };
+    let Ok(frame) = frame.with_colour(black_box(&colours).view()) else { return };
     let Ok(near) = NearField::new(P, NearParams::default(), storage.lend()) else { return };
     let mut session = Session::new(MapFrame::at(black_box(Vec3::Z)), near, &mut far, &mut grid);
     black_box(session.observe(&frame, black_box(1)).is_ok());
