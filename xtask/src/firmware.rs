@@ -15,8 +15,10 @@ use anyhow::{Context, Result, bail};
 use crate::shell::root;
 use figures::Figures;
 
-/// Largest stack of any stage of the localized job on the M4, bytes.
+/// Largest stack of any stage of the localized job, of the light and of key frames on the M4, bytes.
 const MOST_STACK: u64 = 8 * 1024;
+/// Largest memory, bytes: what is counted, and its bound.
+const MOST_MEMORY: [(&str, u64); 2] = [("localized-job", 160 * 1024), ("lighting-tiny", 256 * 1024)];
 /// What is stored.
 const STORED: &str = "tests/firmware/results.toml";
 /// The document made of it.
@@ -61,8 +63,14 @@ pub(crate) fn run(store: bool) -> Result<()> {
 
 /// What no stored figure may excuse.
 fn limits(measured: &Figures) -> Vec<String> {
-    let stages = measured.section("cortex-m4.stack");
-    let over = stages.filter(|(stage, bytes)| *bytes > MOST_STACK && document::JOB.contains(stage));
-    over.map(|(stage, bytes)| format!("stage {stage} takes {bytes} bytes of stack; the M4 has {MOST_STACK} for it"))
-        .collect()
+    let held =
+        |stage: &str| document::JOB.contains(&stage) || ["light-", "key-frame-"].iter().any(|p| stage.starts_with(p));
+    let stages = measured.section("cortex-m4.stack").filter(|(stage, bytes)| *bytes > MOST_STACK && held(stage));
+    let stacks = stages
+        .map(|(stage, bytes)| format!("stage {stage} takes {bytes} bytes of stack; the M4 has {MOST_STACK} for it"));
+    let memory = MOST_MEMORY.into_iter().filter_map(|(what, most)| {
+        let bytes = measured.get("memory", what).unwrap_or(u64::MAX);
+        (bytes > most).then(|| format!("{what} takes {bytes} bytes of memory; it must fit {most}"))
+    });
+    stacks.chain(memory).collect()
 }

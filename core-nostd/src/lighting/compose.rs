@@ -77,7 +77,7 @@ const MOST_TAPS: usize = 4;
 impl<'a> Over<'a> {
     fn new(picture: ImageView<'a, [u8; 4]>, map: (usize, usize)) -> Self {
         let taps = picture.width().div_ceil(map.0.max(1)).clamp(1, MOST_TAPS);
-        let across = ((picture.width() as u64) << 32) / (2 * taps * map.0.max(1)) as u64;
+        let across = ((picture.width() as u64) << 32) / (2 * taps * map.0).max(1) as u64;
         Self { picture, map, taps, across }
     }
 
@@ -88,7 +88,7 @@ impl<'a> Over<'a> {
 
     /// The picture row that a map row's tap reads.
     fn row_of(&self, y: usize, tap: usize) -> usize {
-        ((y * self.taps + tap) * 2 + 1) * self.picture.height() / (2 * self.taps * self.map.1.max(1))
+        ((y * self.taps + tap) * 2 + 1) * self.picture.height() / (2 * self.taps * self.map.1).max(1)
     }
 
     #[inline(always)]

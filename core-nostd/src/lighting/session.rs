@@ -15,10 +15,13 @@ use super::far::extrapolate::{FarMap, FarMapReport};
 use super::far::observe::{FarError, FarSampling};
 use super::far::{FarField, FarReport};
 use super::near::{NearError, NearField, NearReport};
+use super::registration::{Outcome, Registration, RegistrationError};
 use crate::ground::colour::Colour;
-use crate::ground::image::ImageViewMut;
-use crate::sensing::camera::Pose;
+use crate::ground::image::{ImageView, ImageViewMut};
+use crate::ground::units::Timestamp;
+use crate::sensing::camera::{Intrinsics, Pose};
 use crate::sensing::depth::DepthSample;
+use crate::sensing::depth::noise::DepthNoise;
 use crate::sensing::frame::DepthFrame;
 
 /// Why a frame was not taken.
@@ -163,15 +166,34 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
     /// # Errors
     /// [`LightError`] for a frame without colour or pose; nothing is changed.
     pub fn observe<D: DepthSample>(&mut self, frame: &DepthFrame<'_, D>, id: u32) -> Result<Observed, LightError> {
-        let near = if self.sees(frame) {
-            let report = self.near.insert(frame, id, &self.map).map_err(LightError::Near)?;
-            self.moved = true;
-            Some(report)
-        } else {
-            None
-        };
+        let near = if self.sees(frame) { Some(self.observe_near(frame, id)?) } else { None };
         let far = self.far.add_frame(frame, &self.map, &self.sampling).map_err(LightError::Far)?;
         Ok(Observed { near, far })
+    }
+
+    /// Takes a frame as a near view alone: what a near key frame holds, of which only pixels within the boundary have their colour.
+    ///
+    /// # Errors
+    /// As [`Self::observe`].
+    pub fn observe_near<D: DepthSample>(
+        &mut self,
+        frame: &DepthFrame<'_, D>,
+        id: u32,
+    ) -> Result<NearReport, LightError> {
+        let report = self.near.insert(frame, id, &self.map).map_err(LightError::Near)?;
+        self.moved = true;
+        Ok(report)
+    }
+
+    /// Takes a small picture as light from afar: what a far key frame holds. `intrinsics` are the picture's; of the camera's pose only the rotation counts.
+    pub fn observe_far<C: Colour>(
+        &mut self,
+        picture: ImageView<'_, C>,
+        intrinsics: &Intrinsics,
+        camera: &Pose,
+        time: Timestamp,
+    ) -> FarReport {
+        self.far.add_image(picture, intrinsics, camera, &self.map, time)
     }
 
     /// A new reading of the ambient light.
@@ -184,6 +206,39 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
         let was = self.near.correct(slot, pose, &self.map);
         self.moved |= was;
         was
+    }
+
+    /// Gives the near views to a registration, each in its slot, as they are now (`V` is at least the preset's views). Start it with the slots that stay, step
+    /// it beside the frames that come, and [adopt](Self::adopt) what it found.
+    ///
+    /// # Errors
+    /// Those of [`Registration::set`].
+    pub fn prepare<const V: usize>(
+        &self,
+        registration: &mut Registration<'_, V>,
+        noise: &DepthNoise,
+    ) -> Result<(), RegistrationError> {
+        for slot in 0..self.near.preset().views {
+            match self.near.frame(slot) {
+                Some(frame) => registration.set(slot, &frame, noise)?,
+                None => registration.clear(slot),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the poses that a finished registration is sure of, those that are corrected in some directions alone included. Views that were replaced since stay. How many moved.
+    pub fn adopt<const V: usize>(&mut self, registration: &Registration<'_, V>) -> usize {
+        let mut moved = 0;
+        for slot in 0..self.near.preset().views {
+            let Some(report) = registration.report(slot) else { continue };
+            let same = self.near.view(slot).is_some_and(|view| view.pose == report.tracked);
+            let sure = matches!(report.outcome, Outcome::Registered | Outcome::Degenerate);
+            if sure && same && self.correct(slot, report.pose) {
+                moved += 1;
+            }
+        }
+        moved
     }
 
     /// The object has moved: near views are seen from the new place; light from afar stays what it was.

@@ -4,15 +4,20 @@
 
 use std::error::Error;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 use isobath::glam::Vec3;
 use isobath::ground::image::ImageView;
+use isobath::ground::units::Timestamp;
+use isobath::sensing::depth::DepthUnit;
+use isobath::sensing::frame::DepthFrame;
+use isobath::wire::keyframe::{FarOptions, NearOptions, encode_far, encode_near, near_most_bytes};
 use isobath::wire::rvl;
+use isobath_firmware_job::lighting::{self, TINY};
 use isobath_firmware_job::others::{self, Scratch};
-use isobath_firmware_job::{Answers, H, Job, Memory, Packed, Unmeasured, View, W};
-use isobath_sim::{CameraPath, SimFrame, SimOptions, Simulation};
+use isobath_firmware_job::{Answers, H, Job, LightMemory, Memory, Packed, Surroundings, Unmeasured, View, W};
+use isobath_sim::{CameraPath, Rigid, SimFrame, SimOptions, Simulation};
 
 /// Frames walking (a fifth of a second apart), and frames standing (in which only the noise changes).
 const WALKING: usize = 4;
@@ -62,15 +67,76 @@ fn main() -> Result<(), Box<dyn Error>> {
     let packed = Packed { depth: &bytes, view };
     others::measure(&packed, &mut memory, &mut scratch, &mut Unmeasured, &mut said)
         .map_err(|_| "the last frame is refused")?;
+    let light = light(&out)?;
     let text = format!(
         "/// The frames, in order.\npub static SCENES: [Scene; {index}] = [\n{scenes}];\n\n\
          /// What the host's run of the other capabilities says of the last frame.\npub static OTHERS: &[u32] = &{:?};\n\n\
+         {light}\n\
          /// Middle of the height map, world, metres.\npub const CENTRE: [f32; 3] = {:?};\n",
         said.0,
         CENTRE.to_array()
     );
     fs::write(out.join("stream.rs"), text)?;
     Ok(())
+}
+
+/// The place on the living room's table, and what a person sees who walks around it: a near view, a picture of what is behind that
+/// person, a near view from a sixth of a turn on. As key frames; and what the host says of the object's light.
+fn light(out: &Path) -> Result<String, Box<dyn Error>> {
+    let options = SimOptions {
+        size: TINY.view,
+        frames: 48,
+        frame_rate: 6.0,
+        path: CameraPath::Orbit,
+        place: Some("table".into()),
+        unit: Some(0.001),
+        ..SimOptions::default()
+    };
+    let simulation = Simulation::open("living-room", options)?;
+    let place = *simulation.scene().places().get("table").ok_or("the living room has no table")?;
+    let (first, later) = (simulation.frame(0), simulation.frame(8));
+    let eye = first.pose.translation;
+    let behind = Rigid::looking_at(eye, eye + (eye - place));
+    let behind_colour = simulation.scene().render_colour(0.0, simulation.depth_camera(), &behind, 1);
+    let messages = [
+        key_frame(&simulation, &first, 1, false)?,
+        key_frame(&simulation, &SimFrame { pose: behind, radiance: behind_colour, ..first.clone() }, 2, true)?,
+        key_frame(&simulation, &later, 3, false)?,
+    ];
+    let borrowed: Vec<&[u8]> = messages.iter().map(Vec::as_slice).collect();
+    let mut memory = Box::new(LightMemory::NEW);
+    let mut said = Written::default();
+    let around = Surroundings { place: place.to_f32(), messages: &borrowed };
+    lighting::measure(&around, &mut memory, &mut Unmeasured, &mut said).map_err(|_| "the light refuses a key frame")?;
+    let mut list = String::new();
+    for (i, message) in messages.iter().enumerate() {
+        fs::write(out.join(format!("light-{i}.key")), message)?;
+        write!(list, "include_bytes!(concat!(env!(\"OUT_DIR\"), \"/light-{i}.key\")), ")?;
+    }
+    Ok(format!(
+        "/// Key frames around an object.\npub static LIGHT: Surroundings<'static> = Surroundings {{ place: {:?}, messages: &[{list}] }};\n\n\
+         /// What the host says of its light.\npub static LIGHT_ANSWERS: &[u32] = &{:?};\n\n",
+        around.place, said.0
+    ))
+}
+
+/// A frame as a near key frame of all its pixels, or as a far one.
+fn key_frame(simulation: &Simulation, frame: &SimFrame, view: u16, far: bool) -> Result<Vec<u8>, Box<dyn Error>> {
+    let (depth, colour) = (frame.depth_u16(0.001), simulation.rgb(frame));
+    let (width, height) = TINY.view;
+    let (camera, pose) = view_of(simulation, frame).read().ok_or("the core refuses the camera")?;
+    let frame = DepthFrame::new(ImageView::new(&depth, width, height)?, DepthUnit::MILLIMETRE, camera)
+        .with_colour(ImageView::new(&colour, width, height)?)?
+        .with_pose(pose)
+        .with_time(Timestamp::from_nanos(frame.time), view.into());
+    let mut bytes = vec![0; near_most_bytes(width, height)];
+    let used = if far {
+        encode_far(&frame, &FarOptions { view, ..FarOptions::DEFAULT }, &mut bytes)?
+    } else {
+        encode_near(&frame, &NearOptions { view, ..NearOptions::DEFAULT }, &mut bytes)?
+    };
+    bytes.truncate(used);
+    Ok(bytes)
 }
 
 /// Between the viewer and the table of the living room.
@@ -96,11 +162,14 @@ fn pack(simulation: &Simulation, frame: &SimFrame) -> Result<(Vec<u8>, View), Bo
     let mut bytes = vec![0; rvl::most_bytes(depth.len())];
     let used = rvl::encode(ImageView::new(&depth, W, H)?, &mut bytes)?;
     bytes.truncate(used);
+    Ok((bytes, view_of(simulation, frame)))
+}
+
+fn view_of(simulation: &Simulation, frame: &SimFrame) -> View {
     let k = simulation.depth_camera();
-    let view = View {
+    View {
         camera: [k.fx, k.fy, k.cx, k.cy].map(|v| v as f32),
         rotation: frame.pose.rotation.quaternion().map(|v| v as f32),
         place: frame.pose.translation.to_f32(),
-    };
-    Ok((bytes, view))
+    }
 }

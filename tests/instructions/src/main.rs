@@ -15,10 +15,12 @@
 //! | [`pixels`] | kernels over every pixel |
 //! | [`queries`] | kernels that answer one question at a time |
 //! | [`maps`] | kernels that build or search a map |
+//! | [`light`] | the environment's light |
 
 use std::hint::black_box;
 use std::process::ExitCode;
 
+mod light;
 mod maps;
 mod pixels;
 mod queries;
@@ -52,7 +54,7 @@ fn counted_part(kernel: &mut dyn FnMut()) {
 }
 
 fn all() -> impl Iterator<Item = &'static Kernel> {
-    pixels::ALL.iter().chain(queries::ALL).chain(maps::ALL)
+    pixels::ALL.iter().chain(queries::ALL).chain(maps::ALL).chain(light::ALL)
 }
 
 fn main() -> ExitCode {

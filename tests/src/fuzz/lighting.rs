@@ -75,7 +75,7 @@ fn sessions<D: DepthSample>(u: &mut Unstructured<'_>, next: impl Fn(&mut Unstruc
         let pose = Pose::new(quat(u)?, vec3(u)?).ok();
         let values = fill(u, w * h, &next)?;
         let (cw, ch) = (u.int_in_range(0..=20)?, u.int_in_range(0..=12)?);
-        let colours = fill(u, cw * ch, <[u8; 3]>::arbitrary)?;
+        let colours = fill(u, cw * ch, |u| Ok([u8::arbitrary(u)?, u8::arbitrary(u)?, u8::arbitrary(u)?]))?;
         let time = Timestamp::from_nanos(i64::arbitrary(u)?);
         let frame =
             DepthFrame::new(ImageView::new(&values, w, h).expect("as long as asked"), unit, k).with_time(time, step);

@@ -148,7 +148,7 @@ fn read(board: &str, said: &str, figures: &mut Figures) -> Result<()> {
             value(name).and_then(|v| v.parse().ok()).with_context(|| format!("no number `{name}` in: {line}"))
         };
         match words.first().copied() {
-            Some("frame" | "others") => (frame, job) = (0, 0),
+            Some("frame" | "others" | "lighting") => (frame, job) = (0, 0),
             Some("size") if board == M4.name => {
                 let name = value("size").unwrap_or_default();
                 figures.most("memory", name, number("bytes")?);

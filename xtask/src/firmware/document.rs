@@ -34,7 +34,7 @@ fn per(figures: &Figures, board: &str, stage: &str) -> String {
 }
 
 fn instructions(figures: &Figures, text: &mut String) {
-    *text += "\n## Instructions\n\nOf the worst of six frames, in thousands; and of one pixel, hit, place. Counted by QEMU (`-icount shift=0`), \
+    *text += "\n## Instructions\n\nOf the worst of six frames, in thousands; and of one pixel, hit, place. `light-` and `key-frame-`: a lighting session of the preset `tiny` on key frames of 96x72 and 32x24 (`tests/firmware/job/src/lighting.rs`). Counted by QEMU (`-icount shift=0`), \
               to 40 instructions on the M4.\n\n\
               | stage | times | M4F, 1000 | each | M55, 1000 | each | A53, 1000 | each |\n|---|--:|--:|--:|--:|--:|--:|--:|\n";
     let others = figures.section("times").map(|(name, _)| name).filter(|name| !FRAME.contains(name));

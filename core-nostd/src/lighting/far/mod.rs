@@ -40,6 +40,17 @@ impl Default for FarParams {
     }
 }
 
+impl FarParams {
+    /// Each at its nearest bound.
+    const fn in_range(self) -> Self {
+        Self {
+            cap: math::clamp(self.cap, 1.0, 1e6),
+            half_life: if self.half_life > 0.001 { self.half_life } else { 0.001 },
+            threshold: if self.threshold > 0.0 { self.threshold } else { 0.0 },
+        }
+    }
+}
+
 /// What came of some samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FarReport {
@@ -91,11 +102,7 @@ impl<const N: usize> FarField<N> {
         let [r, g, b] = ambient;
         let ambient = [light(r), light(g), light(b)];
         Self {
-            params: FarParams {
-                cap: math::clamp(params.cap, 1.0, 1e6),
-                half_life: if params.half_life > 0.001 { params.half_life } else { 0.001 },
-                threshold: if params.threshold > 0.0 { params.threshold } else { 0.0 },
-            },
+            params: params.in_range(),
             ambient,
             epoch: None,
             colour: [ambient; N],
@@ -103,6 +110,40 @@ impl<const N: usize> FarField<N> {
             last: [0; N],
             moved: [f32::INFINITY; N],
         }
+    }
+
+    /// Zero from end to end, for a `static` that is to lie in `.bss`: [`Self::new`] there would keep 30 KiB of flash for its first values. It remembers
+    /// nothing until [`Self::restart`].
+    pub const ZERO: Self = Self {
+        params: FarParams { cap: 0.0, half_life: 0.0, threshold: 0.0 },
+        ambient: [0.0; 3],
+        epoch: None,
+        colour: [[0.0; 3]; N],
+        weight: [0.0; N],
+        last: [0; N],
+        moved: [0.0; N],
+    };
+
+    /// Forgets everything: from here on as [`Self::new`], in place.
+    ///
+    /// ```
+    /// use isobath::glam::Vec3;
+    /// use isobath::ground::units::Timestamp;
+    /// use isobath::lighting::far::{FarField, FarParams};
+    /// let mut far = FarField::<1280>::ZERO;
+    /// far.restart(FarParams::default(), [0.2; 3]);
+    /// far.sample(Vec3::Y, [9.0; 3], 1.0, Timestamp::ZERO);
+    /// far.restart(FarParams::default(), [0.3; 3]);
+    /// assert_eq!((far.seen(), far.colour(0)), (0, [0.3; 3]));
+    /// ```
+    pub fn restart(&mut self, params: FarParams, ambient: [f32; 3]) {
+        self.params = params.in_range();
+        self.ambient = ambient.map(light);
+        self.epoch = None;
+        self.colour.fill(self.ambient);
+        self.weight.fill(0.0);
+        self.last.fill(0);
+        self.moved.fill(f32::INFINITY);
     }
 
     /// A new reading of the ambient light: anchors never seen take it.

@@ -62,7 +62,8 @@ impl NearField<'_> {
         let rows = parts.finest().rows.max(1);
         let (first, last) = self.spans.iter().fold(NOWHERE, |a, s| (a.0.min(s.0), a.1.max(s.1)));
         // Whole strips around what there is; and what there was must go.
-        let strips = if first > last { (0, 0) } else { (first / width / rows, last / width / rows + 1) };
+        let strips =
+            if first > last { (0, 0) } else { (first / (width * rows).max(1), last / (width * rows).max(1) + 1) };
         let drawn = (strips.0 * rows, (strips.1 * rows).min(height));
         let before = core::mem::replace(&mut self.drawn, drawn);
         let changed = match (before.0 < before.1, drawn.0 < drawn.1) {
@@ -140,13 +141,16 @@ impl NearField<'_> {
 
 /// A level's points from those of the finer one: `keys` and `views` of both, finer first.
 fn reduce(keys: (&mut [u32], &mut [u32]), views: (&mut [u32], &mut [u32]), fine: usize, coarse: usize) {
-    match fine / coarse.max(1) {
+    // Levels of no columns are none; slices are not cut into pieces of nothing.
+    let (fine, coarse) = (fine.max(1), coarse.max(1));
+    match fine / coarse {
         2 => reduce_by::<2>(keys, views, fine, coarse),
         3 => reduce_by::<3>(keys, views, fine, coarse),
         4 => reduce_by::<4>(keys, views, fine, coarse),
         ratio => {
             let (ratio, (fine_keys, keys), (fine_views, views)) = (ratio.max(1), keys, views);
-            let blocks = fine_keys.chunks(fine * ratio).zip(fine_views.chunks(fine * ratio));
+            let block = (fine * ratio).max(1);
+            let blocks = fine_keys.chunks(block).zip(fine_views.chunks(block));
             for ((keys, views), (fine_keys, fine_views)) in
                 keys.chunks_mut(coarse).zip(views.chunks_mut(coarse)).zip(blocks)
             {
@@ -168,7 +172,9 @@ fn reduce_by<const RATIO: usize>(
     fine: usize,
     coarse: usize,
 ) {
-    let blocks = fine_keys.chunks(fine * RATIO).zip(fine_views.chunks(fine * RATIO));
+    let (fine, coarse) = (fine.max(1), coarse.max(1));
+    let block = (fine * RATIO).max(1);
+    let blocks = fine_keys.chunks(block).zip(fine_views.chunks(block));
     for ((keys, views), (fine_keys, fine_views)) in keys.chunks_mut(coarse).zip(views.chunks_mut(coarse)).zip(blocks) {
         keys.fill(EMPTY);
         for (fine_keys, fine_views) in fine_keys.chunks(fine).zip(fine_views.chunks(fine)) {
@@ -199,7 +205,8 @@ fn resolve(
     bits: u32,
     farther: f32,
 ) {
-    let ratio = (fine / coarse.max(1)).max(1);
+    let (fine, coarse) = (fine.max(1), coarse.max(1));
+    let ratio = (fine / coarse).max(1);
     let fine_rows = keys.0.chunks_mut(fine).zip(views.0.chunks_mut(fine));
     for (y, (fine_keys, fine_views)) in fine_rows.enumerate() {
         let row = y / ratio * coarse;

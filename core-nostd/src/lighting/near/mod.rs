@@ -280,6 +280,14 @@ impl<'m> NearField<'m> {
         ImageView::new(self.memory.colour.get(slot * n..)?, view.width, view.height).ok()
     }
 
+    /// A view as a frame of its own, with colour and pose: for [registration](super::registration), or to look at.
+    #[must_use]
+    pub fn frame(&self, slot: usize) -> Option<DepthFrame<'_, u16>> {
+        let view = self.view(slot)?;
+        let frame = DepthFrame::new(self.depth(slot)?, view.unit, view.intrinsics).with_pose(view.pose);
+        Some(frame.with_colour(self.colour(slot)?).unwrap_or(frame))
+    }
+
     /// Takes a frame: in place of the view of the same id, else into an empty slot, else in place of the view that was observed longest ago. The
     /// picture follows with [`Self::merge`].
     ///

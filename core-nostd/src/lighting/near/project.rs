@@ -101,7 +101,7 @@ impl Layer {
             for (block, values) in row.chunks(RUN).enumerate() {
                 let start = number;
                 number += values.len() as u32;
-                let known = apart.get(block).copied().unwrap_or(1);
+                let known = apart.get(block).copied().unwrap_or(1).max(1);
                 if y % known != 0 {
                     done.skipped += values.len();
                     continue;

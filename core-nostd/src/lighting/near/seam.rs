@@ -13,7 +13,7 @@ pub(super) fn fade(picture: &mut [[u8; 4]], width: usize, rows: (usize, usize), 
     let pixels = picture.get_mut(rows.0 * width..rows.1 * width).unwrap_or_default();
     let n = pixels.len() / width;
     for y in 0..n {
-        let (above, row) = pixels.split_at_mut(y * width);
+        let Some((above, row)) = pixels.split_at_mut_checked(y * width) else { return };
         let above = above.get(y.saturating_sub(1) * width..).unwrap_or_default();
         let row = row.get_mut(..width).unwrap_or_default();
         if y > 0 {
@@ -24,7 +24,7 @@ pub(super) fn fade(picture: &mut [[u8; 4]], width: usize, rows: (usize, usize), 
         along(row, step, seam);
     }
     for y in (0..n).rev() {
-        let (rest, below) = pixels.split_at_mut((y + 1) * width);
+        let Some((rest, below)) = pixels.split_at_mut_checked((y + 1) * width) else { return };
         let row = rest.get_mut(y * width..).unwrap_or_default();
         if y + 1 < n {
             across(row, below, step);

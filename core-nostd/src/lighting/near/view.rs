@@ -99,7 +99,8 @@ impl View {
         let Some((source, crop)) = frame.colour() else { return (0, 0) };
         let copied = self.scale == 1.0;
         let (mut points, mut unsure) = (0, 0);
-        let rows = depth.chunks_mut(self.width).zip(colour.chunks_mut(self.width));
+        let width = self.width.max(1);
+        let rows = depth.chunks_mut(width).zip(colour.chunks_mut(width));
         for (y, (depth, colour)) in rows.enumerate() {
             if copied {
                 D::row_in_steps(frame.depth().row(y), frame.unit(), self.unit, depth);

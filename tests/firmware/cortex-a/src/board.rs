@@ -4,17 +4,14 @@
 use core::arch::{asm, global_asm};
 use core::panic::PanicInfo;
 
-use isobath_firmware_job::Memory;
-use isobath_firmware_job::device::Device;
-use isobath_firmware_job::others::Scratch;
+use isobath_firmware_job::device::{Device, Everything};
 use semihosting::process::ExitCode;
 use semihosting::sys::arm_compat::sys_writec;
 
 #[path = "../../paint.rs"]
 mod paint;
 
-static mut MEMORY: Memory = Memory::NEW;
-static mut SCRATCH: Scratch = Scratch::NEW;
+static mut MEMORY: Everything = Everything::NEW;
 
 /// Bytes left unpainted for the painter's own frame.
 const GAP: usize = 256;
@@ -64,11 +61,11 @@ fn counter() -> u64 {
 
 impl Board {
     /// The board and all memory there is.
-    pub(crate) fn take() -> (Self, &'static mut Memory, &'static mut Scratch) {
-        let (memory, scratch) = (&raw mut MEMORY, &raw mut SCRATCH);
-        // SAFETY: called once, by `main`, which start-up calls once; so these are the only references to the statics.
-        let (memory, scratch) = unsafe { (&mut *memory, &mut *scratch) };
-        (Self { begin: 0, base: 0 }, memory, scratch)
+    pub(crate) fn take() -> (Self, &'static mut Everything) {
+        let memory = &raw mut MEMORY;
+        // SAFETY: called once, by `main`, which start-up calls once; so these are the only references to the static.
+        let memory = unsafe { &mut *memory };
+        (Self { begin: 0, base: 0 }, memory)
     }
 
     /// Ends the emulation.

@@ -7,14 +7,14 @@
 #![deny(unsafe_code)]
 
 use isobath_firmware_job::device;
-use isobath_firmware_stream::{CENTRE, OTHERS, SCENES};
+use isobath_firmware_stream::{CENTRE, LIGHT, LIGHT_ANSWERS, OTHERS, SCENES};
 
 mod board;
 
 /// Called by the start-up code.
 fn main() -> ! {
-    let (mut board, memory, scratch) = board::Board::take();
+    let (mut board, memory) = board::Board::take();
     let frames = SCENES.iter().map(|scene| (scene.frame, scene.answers));
-    let passed = device::run(&mut board, memory, scratch, CENTRE, frames, OTHERS);
+    let passed = device::run(&mut board, memory, CENTRE, frames, OTHERS, (&LIGHT, LIGHT_ANSWERS));
     board.exit(passed)
 }

@@ -6,17 +6,14 @@ use core::panic::PanicInfo;
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::register::msp;
-use isobath_firmware_job::Memory;
-use isobath_firmware_job::device::Device;
-use isobath_firmware_job::others::Scratch;
+use isobath_firmware_job::device::{Device, Everything};
 use semihosting::process::ExitCode;
 use semihosting::sys::arm_compat::sys_writec;
 
 #[path = "../../paint.rs"]
 mod paint;
 
-static mut MEMORY: Memory = Memory::NEW;
-static mut SCRATCH: Scratch = Scratch::NEW;
+static mut MEMORY: Everything = Everything::NEW;
 
 /// SysTick counts 24 bits.
 const TOP: u32 = 0xff_ffff;
@@ -32,17 +29,17 @@ pub(crate) struct Board {
 
 impl Board {
     /// The board and all memory there is.
-    pub(crate) fn take() -> (Self, &'static mut Memory, &'static mut Scratch) {
-        let (memory, scratch) = (&raw mut MEMORY, &raw mut SCRATCH);
-        // SAFETY: called once, by the entry, which nothing calls; so these are the only references to the statics and
-        // to the peripherals that are ever made.
-        let (peripherals, memory, scratch) = unsafe { (cortex_m::Peripherals::steal(), &mut *memory, &mut *scratch) };
+    pub(crate) fn take() -> (Self, &'static mut Everything) {
+        let memory = &raw mut MEMORY;
+        // SAFETY: called once, by the entry, which nothing calls; so these are the only references to the static and to the
+        // peripherals that are ever made.
+        let (peripherals, memory) = unsafe { (cortex_m::Peripherals::steal(), &mut *memory) };
         let mut clock = peripherals.SYST;
         clock.set_clock_source(SystClkSource::Core);
         clock.set_reload(TOP);
         clock.clear_current();
         clock.enable_counter();
-        (Self { clock, base: 0 }, memory, scratch)
+        (Self { clock, base: 0 }, memory)
     }
 
     /// Ends the emulation.

@@ -7,17 +7,17 @@
 #![deny(unsafe_code)]
 
 use isobath_firmware_job::device;
-use isobath_firmware_stream::{CENTRE, OTHERS, SCENES};
+use isobath_firmware_stream::{CENTRE, LIGHT, LIGHT_ANSWERS, OTHERS, SCENES};
 
 mod board;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let (mut board, memory, scratch) = board::Board::take();
+    let (mut board, memory) = board::Board::take();
     let frames = SCENES.iter().map(|scene| (scene.frame, scene.answers));
     // The negative control: the answers of a frame are not those of the frame before it.
     #[cfg(feature = "with-fault")]
     let frames = frames.clone().zip(frames.skip(1)).map(|((frame, _), (_, answers))| (frame, answers));
-    let passed = device::run(&mut board, memory, scratch, CENTRE, frames, OTHERS);
+    let passed = device::run(&mut board, memory, CENTRE, frames, OTHERS, (&LIGHT, LIGHT_ANSWERS));
     board.exit(passed)
 }

@@ -8,6 +8,7 @@ use core::hint::black_box;
 use isobath::glam::Vec3;
 
 use crate::answers::Check;
+use crate::lighting::{self, LightMemory, Surroundings};
 use crate::others::{self, Scratch};
 use crate::sizes;
 use crate::{Job, Memory, Packed, Probe, Stage};
@@ -39,15 +40,32 @@ pub trait Device {
 /// A frame and the bits of the host's answers.
 pub type Known<'a> = (Packed<'a>, &'a [u32]);
 
+/// All the memory there is.
+#[derive(Debug)]
+pub struct Everything {
+    /// The job's.
+    pub job: Memory,
+    /// The other capabilities'.
+    pub scratch: Scratch,
+    /// The light's.
+    pub light: LightMemory,
+}
+
+impl Everything {
+    /// Zeros.
+    pub const NEW: Self = Self { job: Memory::NEW, scratch: Scratch::NEW, light: LightMemory::NEW };
+}
+
 /// Runs every frame and what else is measured; whether all answers were the host's.
 pub fn run<D: Device>(
     device: &mut D,
-    memory: &mut Memory,
-    scratch: &mut Scratch,
+    memory: &mut Everything,
     centre: [f32; 3],
     frames: impl Iterator<Item = Known<'static>>,
     others: &[u32],
+    light: (&Surroundings<'static>, &[u32]),
 ) -> bool {
+    let Everything { job: memory, scratch, light: light_memory } = memory;
     let mut meter = Meter { device };
     for (name, bytes) in sizes::SIZED.iter().flatten().chain(&sizes::FIXED) {
         meter.line(&[("size", Word::Text(name)), ("bytes", Word::Number(*bytes as u64))]);
@@ -69,6 +87,11 @@ pub fn run<D: Device>(
     meter.line(&[("others", Word::Number(0))]);
     let mut check = Check::new(others);
     passed &= others::measure(black_box(&packed), memory, scratch, &mut meter, &mut check).is_ok();
+    passed &= meter.verdict(&check);
+    meter.line(&[("lighting", Word::Number(0))]);
+    let (around, answers) = light;
+    let mut check = Check::new(answers);
+    passed &= lighting::measure(black_box(around), light_memory, &mut meter, &mut check).is_ok();
     passed & meter.verdict(&check)
 }
 

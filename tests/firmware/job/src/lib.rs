@@ -3,8 +3,8 @@
 //! The images for Cortex-M and AArch64 and the program on the host run this same code on the same frames; the host's answers are
 //! compiled into the images, which compare. Nothing here knows a device: time and stack are measured by a [`Probe`].
 //!
-//! [`memory`] is what the job keeps, [`frame`] what it is given, [`run`] what it does, [`answers`] what it says, [`others`] the
-//! capabilities of the core that are measured though the job does without them, [`device`] the run that measures and prints, [`sizes`] the bytes it
+//! [`memory`] is what the job keeps, [`frame`] what it is given, [`run`] what it does, [`answers`] what it says, [`lighting`] an
+//! object's light from key frames, [`others`] the capabilities of the core that are measured though the job does without them, [`device`] the run that measures and prints, [`sizes`] the bytes it
 //! prints.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -12,6 +12,7 @@
 pub mod answers;
 pub mod device;
 pub mod frame;
+pub mod lighting;
 pub mod memory;
 pub mod others;
 pub mod run;
@@ -19,6 +20,7 @@ pub mod sizes;
 
 pub use answers::{Answers, Check};
 pub use frame::{Packed, View};
+pub use lighting::{LightMemory, Surroundings};
 pub use memory::{H, Memory, W};
 pub use run::{Job, Refused};
 

@@ -16,6 +16,7 @@ use isobath::sensing::depth::{DepthArray, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
 
+mod lighting;
 mod localized;
 
 const W: usize = 160;
@@ -28,8 +29,10 @@ struct Memory {
     depth: DepthArray<W, H>,
     confidence: Image<u8, W, H>,
     disparity: Image<f32, W, H>,
+    colour: Image<[u8; 3], W, H>,
     cells: [Cell<u16>; cells_needed(W, H)],
     localized: localized::Memory,
+    lighting: lighting::Memory,
 }
 
 static mut MEMORY: Memory = Memory {
@@ -38,9 +41,11 @@ static mut MEMORY: Memory = Memory {
     depth: Image::filled(0),
     confidence: Image::filled(0),
     disparity: Image::filled(0.0),
+    colour: Image::filled([0; 3]),
     // Not `Cell::EMPTY`, whose minimum is not zero: that would put the buffer into the image instead of into zeroed memory.
     cells: [Cell { min: 0, max: 0, holes: 0 }; cells_needed(W, H)],
     localized: localized::Memory::NEW,
+    lighting: lighting::Memory::NEW,
 };
 
 /// The image's entry; the linker looks for this name.
@@ -86,7 +91,14 @@ fn exercise(memory: &mut Memory) -> Option<usize> {
     let pyramid = Pyramid::build(frame.depth(), &mut memory.cells).ok()?;
 
     // Answers.
-    let answers = localized::exercise(&frame, &pyramid, black_box(ray), &mut memory.localized);
+    let mut answers = localized::exercise(&frame, &pyramid, black_box(ray), &mut memory.localized);
+
+    // The light, of frames with colour.
+    memory.colour.view_mut().fill(black_box([3; 3]));
+    let frame = frame.with_colour(memory.colour.view()).ok()?;
+    let metres =
+        DepthFrame::new(memory.disparity.view(), DepthUnit::METRE, k).with_colour(memory.colour.view()).ok()?;
+    answers += lighting::exercise(&frame, &metres.with_pose(pose), &mut memory.lighting);
     Some(answers + usize::from(pyramid.whole().min))
 }
 

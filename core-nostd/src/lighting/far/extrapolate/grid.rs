@@ -153,14 +153,14 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
                 }
             }
         });
-        for (fresh, stale) in self.fresh.iter_mut().zip(stale) {
-            *fresh |= stale;
+        for (fresh, stale) in self.fresh.iter_mut().zip(&stale) {
+            *fresh |= *stale;
         }
-        for (y, (stale, row)) in stale.into_iter().zip(rows).enumerate() {
+        for (y, (&stale, row)) in stale.iter().zip(&rows).enumerate() {
             report.computed += stale.count_ones() as usize;
             report.skipped += Self::BLOCKS - stale.count_ones() as usize;
             if stale != 0 {
-                vectorised(|| self.compute(far, y, stale, &row));
+                vectorised(|| self.compute(far, y, stale, row));
             }
         }
         report
@@ -237,7 +237,9 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
     #[inline(always)]
     fn compute<const N: usize>(&mut self, far: &FarField<N>, y: usize, stale: u32, row: &Row) {
         let power = squarings(N);
-        let mut sums = [[Lanes::ZERO; 4]; MOST_COLUMNS / LANES];
+        // As wide as the grid and not as the widest: stack.
+        let (mut reds, mut greens, mut blues) = ([0.0; COLUMNS], [0.0; COLUMNS], [0.0; COLUMNS]);
+        let mut totals = [0.0; COLUMNS];
         // Anchors lie in order of height.
         let index = |height: f32| (1.0 - height) * 0.5 * N as f32 - 0.5;
         let (from, to) = (index(row.heights.1) as usize, (index(row.heights.0) as usize).saturating_add(2).min(N));
@@ -254,26 +256,24 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             while hit != 0 {
                 let block = hit.trailing_zeros() as usize;
                 hit &= hit - 1;
-                let Some([r, g, b, total]) = sums.get_mut(block) else { break };
-                let (sin, cos) = (Lanes::load(&self.sin, block * LANES), Lanes::load(&self.cos, block * LANES));
+                let at = block * LANES;
+                let (sin, cos) = (Lanes::load(&self.sin, at), Lanes::load(&self.cos, at));
                 let w = (a + sin * s + cos * c).map(|d| kernel(d, power));
-                *r += w * red;
-                *g += w * green;
-                *b += w * blue;
-                *total += w * trust;
+                (Lanes::load(&reds, at) + w * red).store(&mut reds, at);
+                (Lanes::load(&greens, at) + w * green).store(&mut greens, at);
+                (Lanes::load(&blues, at) + w * blue).store(&mut blues, at);
+                (Lanes::load(&totals, at) + w * trust).store(&mut totals, at);
             }
         }
         let [red, green, blue] = &mut self.planes;
         let (Some(red), Some(green), Some(blue)) = (red.get_mut(y), green.get_mut(y), blue.get_mut(y)) else { return };
-        for (block, [r, g, b, total]) in sums.into_iter().enumerate() {
-            if stale >> block & 1 == 0 {
-                continue;
-            }
-            let ambient = far.ambient();
+        for block in (0..Self::BLOCKS).filter(|block| stale >> block & 1 == 1) {
+            let total = Lanes::load(&totals, block * LANES);
             let norm = total.map(|t| if t > 0.0 { 1.0 / t } else { 0.0 });
-            for ((plane, sum), ambient) in [red.as_mut_slice(), green, blue].into_iter().zip([r, g, b]).zip(ambient) {
+            let planes = [(&mut *red, &reds), (&mut *green, &greens), (&mut *blue, &blues)];
+            for ((plane, sums), ambient) in planes.into_iter().zip(far.ambient()) {
                 // Fewer anchors than reach each other leave gaps: ambient light there.
-                let lit = (sum * norm).select(total, Lanes::splat(ambient));
+                let lit = (Lanes::load(sums, block * LANES) * norm).select(total, Lanes::splat(ambient));
                 lit.store(plane, block * LANES);
             }
         }

@@ -8,11 +8,8 @@ use crate::ground::image::ImageViewMut;
 use crate::ground::lanes::{LANES, Lanes};
 use crate::ground::math;
 
-/// Columns that a grid has at most, and four more around.
-const WIDE: usize = 256 + 4;
-
-/// A grid row blended for one map row, with two columns before and after repeated from the other side.
-pub(crate) struct Blended([[f32; WIDE]; 3]);
+/// A grid row blended for one map row.
+pub(crate) struct Blended<const COLUMNS: usize>([[f32; COLUMNS]; 3]);
 
 /// Of four neighbours and 0 <= t < 1 between the middle two: the cubic's coefficients.
 #[inline(always)]
@@ -45,7 +42,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
     }
 
     /// The grid's rows around a map row, blended.
-    pub(crate) fn blended(&self, y: usize, height: usize) -> Blended {
+    pub(crate) fn blended(&self, y: usize, height: usize) -> Blended<COLUMNS> {
         let at = (y as f32 + 0.5) / height as f32 * ROWS as f32 - 0.5;
         let first = math::floor(at);
         let t = at - first;
@@ -55,7 +52,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
             t * (0.5 + t * (2.0 - 1.5 * t)),
             t * t * (0.5 * t - 0.5),
         ];
-        let mut out = Blended([[0.0; WIDE]; 3]);
+        let mut out = Blended([[0.0; COLUMNS]; 3]);
         for (k, weight) in (-1..=2).zip(weights) {
             let row = first as isize + k;
             // Over a pole, and on: the row as far from it, seen from the other side.
@@ -68,21 +65,11 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
                 let Some(row) = usize::try_from(row).ok().and_then(|r| plane.get(r)) else { continue };
                 // Across the pole, the row's halves change places.
                 let (left, right) = row.split_at(if turned { COLUMNS / 2 } else { 0 });
-                let (_, out) = out.split_at_mut(2);
-                let (first, second) = out.split_at_mut(right.len().min(WIDE - 2));
+                let (first, second) = out.split_at_mut(right.len().min(COLUMNS));
                 for (out, part) in [(first, right), (second, left)] {
                     for (out, v) in out.iter_mut().zip(part) {
                         *out += weight * v;
                     }
-                }
-            }
-        }
-        for plane in &mut out.0 {
-            let at = |i: usize| plane.get(i).copied().unwrap_or_default();
-            let around = [(0, at(COLUMNS)), (1, at(COLUMNS + 1)), (COLUMNS + 2, at(2)), (COLUMNS + 3, at(3))];
-            for (i, v) in around {
-                if let Some(place) = plane.get_mut(i) {
-                    *place = v;
                 }
             }
         }
@@ -96,7 +83,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         let step = COLUMNS as f32 / width.max(1) as f32;
         let each = width as f32 / COLUMNS.max(1) as f32;
         let mut x = columns.start;
-        // Two columns stand before the first, and the four neighbours begin one before. Of `x` alone, so that a pixel is the same to the bit
+        // In columns and two more: the four neighbours begin one before, and it stays above 0. Of `x` alone, so that a pixel is the same to the bit
         // whichever run it is in.
         let place = |x: usize| (x as f32 + 0.5) * step + 0.5;
         while x < columns.end {
@@ -120,7 +107,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
     #[inline(always)]
     pub(crate) fn columns(
         &self,
-        row: &Blended,
+        row: &Blended<COLUMNS>,
         columns: Range<usize>,
         width: usize,
         mut tell: impl FnMut(usize, [f32; 3]),
@@ -137,7 +124,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
 /// Where some map pixels lie in a blended row.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
-    /// First of the four columns.
+    /// First of the four columns, and two more.
     cell: usize,
     /// The first pixel's middle.
     first: f32,
@@ -145,7 +132,17 @@ pub(crate) struct Place {
     step: f32,
 }
 
-impl Blended {
+impl<const COLUMNS: usize> Blended<COLUMNS> {
+    /// Four columns from the one two before `cell`, around the seam.
+    #[inline(always)]
+    fn four(plane: &[f32; COLUMNS], cell: usize) -> [f32; 4] {
+        if let Some(four) = cell.checked_sub(2).and_then(|first| plane.get(first..)?.first_chunk()) {
+            return *four;
+        }
+        let first = cell + COLUMNS.saturating_sub(2);
+        [first, first + 1, first + 2, first + 3].map(|i| plane.get(i % COLUMNS.max(1)).copied().unwrap_or_default())
+    }
+
     /// The light of eight pixels from a place on: red, green, blue.
     #[inline(always)]
     pub(crate) fn light(&self, place: Place) -> [Lanes; 3] {
@@ -153,8 +150,7 @@ impl Blended {
             - Lanes::splat(place.cell as f32);
         let mut out = [Lanes::ZERO; 3];
         for (out, plane) in out.iter_mut().zip(&self.0) {
-            let four = plane.get(place.cell..).and_then(|p| p.first_chunk()).copied().unwrap_or_default();
-            let [a, b, c, d] = cubic(four).map(Lanes::splat);
+            let [a, b, c, d] = cubic(Self::four(plane, place.cell)).map(Lanes::splat);
             *out = (a + t * (b + t * (c + t * d))).max(Lanes::ZERO);
         }
         out
