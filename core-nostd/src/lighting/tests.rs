@@ -18,9 +18,17 @@ use std::vec::Vec;
 
 #[derive(Debug, Clone)]
 enum Step {
-    Frame { eye: Vec3, target: Vec3, seed: u32, id: u32 },
+    Frame {
+        eye: Vec3,
+        target: Vec3,
+        seed: u32,
+        id: u32,
+    },
     /// A far picture.
-    Far { target: Vec3, seed: u32 },
+    Far {
+        target: Vec3,
+        seed: u32,
+    },
     Ambient(f32),
     Correct(usize, Vec3),
     Move(Vec3),
