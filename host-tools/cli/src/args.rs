@@ -512,6 +512,10 @@ pub(crate) struct LightArgs {
     #[arg(long, value_name = "N", help_heading = "Light")]
     pub(crate) guided: Option<usize>,
 
+    /// Make the near views' poses agree by their surfaces (point-to-plane ICP), each time a view comes: against drift of the tracker
+    #[arg(long, help_heading = "Light")]
+    pub(crate) register: bool,
+
     /// Take every frame, also those that motion may have blurred and those with nothing new
     #[arg(long, help_heading = "Light")]
     pub(crate) all: bool,

@@ -19,8 +19,11 @@ use isobath::lighting::far::{FarField, FarParams};
 use isobath::lighting::near::{NearField, NearMemory, NearParams};
 use isobath::lighting::policy::guided::{Directions, Guide, GuideParams, Next};
 use isobath::lighting::policy::motion::{AutoCapture, Decision, MotionParams};
+use isobath::lighting::preset::MOST_VIEWS;
+use isobath::lighting::registration::{Progress, Registration, RegistrationParams, scratch_len};
 use isobath::lighting::{Observed, Preset, Session};
 use isobath::sensing::depth::DepthSample;
+use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::frame::DepthFrame;
 use isobath_sim::{Ball, LinearImage, Rigid, V3, covers, render_ball, v3};
 use isobath_source::{OwnedFrame, with_frame};
@@ -29,7 +32,7 @@ use serde_json::{Value, json};
 use crate::args::{LightArgs, PresetName};
 use crate::failure::{Failure, Outcome};
 use crate::picture::raster::Raster;
-use crate::say::{Say, bytes, count, duration, point};
+use crate::say::{Say, bytes, count, duration, metres, point};
 use crate::source::{Source, Up};
 
 /// Directions of the far field.
@@ -199,6 +202,74 @@ pub(crate) struct Light {
     memory: [(&'static str, usize); 5],
     /// And where to look next.
     guide: Option<(Guide, Next)>,
+    registered: Option<Registered>,
+}
+
+/// What registration did.
+#[derive(Debug, Default)]
+struct Registered {
+    times: Vec<u64>,
+    corrected: usize,
+    /// Of the corrected, those of which some directions are not known.
+    degenerate: usize,
+    /// Views left as tracked.
+    left: usize,
+    /// Largest correction, metres and radians.
+    shift: f32,
+    turn: f32,
+    bytes: usize,
+}
+
+/// Makes near views agree with the newest one, whose pose is the tracker's word of now.
+struct Registrar {
+    memory: Vec<f32>,
+    done: Registered,
+}
+
+impl Registrar {
+    fn new(preset: &Preset) -> Self {
+        let memory = vec![0.0; MOST_VIEWS * scratch_len(preset.view.0, preset.view.1)];
+        let bytes = size_of_val(memory.as_slice()) + size_of::<Registration<'_, MOST_VIEWS>>();
+        Self { memory, done: Registered { bytes, ..Registered::default() } }
+    }
+
+    fn run<const C: usize, const R: usize>(
+        &mut self,
+        session: &mut Session<'_, ANCHORS, C, R>,
+        newest: usize,
+        source: &str,
+    ) -> Outcome {
+        let slots = session.near().len();
+        if slots < 2 {
+            return Ok(());
+        }
+        let failed = |e: &dyn std::error::Error| Failure::of(e, format!("{source}, --register"));
+        let start = Instant::now();
+        let mut views = Registration::<MOST_VIEWS>::new(&mut self.memory, RegistrationParams::default());
+        for slot in 0..slots {
+            let near = session.near();
+            let (Some(view), Some(depth)) = (near.view(slot), near.depth(slot)) else { continue };
+            let frame = DepthFrame::new(depth, view.unit, view.intrinsics).with_pose(view.pose);
+            views.set(slot, &frame, &DepthNoise::KINECT).map_err(|e| failed(&e))?;
+        }
+        views.start(&[newest]).map_err(|e| failed(&e))?;
+        while views.step(usize::MAX) == Progress::Working {}
+        let done = &mut self.done;
+        for report in (0..slots).filter(|slot| *slot != newest).map(|slot| (slot, views.report(slot))) {
+            let (slot, Some(report)) = report else { continue };
+            if !report.outcome.is_corrected() {
+                done.left += 1;
+                continue;
+            }
+            session.correct(slot, report.pose);
+            done.corrected += 1;
+            done.degenerate += usize::from(report.unknown > 0);
+            done.shift = done.shift.max(report.pose.translation().distance(report.tracked.translation()));
+            done.turn = done.turn.max(report.pose.rotation().angle_between(report.tracked.rotation()));
+        }
+        done.times.push(nanos(start));
+        Ok(())
+    }
 }
 
 /// Offers every frame of a recording to a session at a place.
@@ -231,6 +302,7 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
     let mut taken = Taken::default();
     let mut policy = AutoCapture::<5, 5>::new(MotionParams::default()).map_err(|e| Failure::of(&e, "capture"))?;
     let mut guide: Option<Guide> = None;
+    let mut registrar = args.register.then(|| Registrar::new(&preset));
     let mut last = isobath::sensing::camera::Pose::IDENTITY;
     let mut camera = Vec3::Z;
     let frames = source.recording().len();
@@ -275,12 +347,17 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
             guide.observe(&pose, &k, size);
         }
         let start = Instant::now();
-        let observed = with_frame!(frame, |f| session.observe(f, id))
-            .map_err(|e| Failure::of(&e, format!("{}, frame {index}", source.name())))?;
+        let observed = with_frame!(frame, |f| session.observe(f, id));
+        taken.observe.push(nanos(start));
+        let observed = observed.map_err(|e| Failure::of(&e, format!("{}, frame {index}", source.name())))?;
+        if let Some(registrar) = &mut registrar
+            && let Some(near) = observed.near
+        {
+            registrar.run(&mut session, near.slot, source.name())?;
+        }
         let between = Instant::now();
         session.draw(&mut out);
         taken.draw.push(nanos(between));
-        taken.observe.push(u64::try_from((between - start).as_nanos()).unwrap_or(u64::MAX));
         taken.take(&observed);
         camera = map.direction(pose.translation() - map.at);
         last = pose;
@@ -305,6 +382,7 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
         near_share,
         memory: memory_of,
         guide: guide.zip(next),
+        registered: registrar.map(|r| r.done),
     })
 }
 
@@ -334,6 +412,17 @@ fn lit(source: &Source, frame: &OwnedFrame) -> Outcome {
         "use a recording with colour images, or a simulated one: sim:living-room"
     };
     Err(Failure::new(what).at(source.name()).advise(advice))
+}
+
+impl Registered {
+    fn json(&self) -> Value {
+        let (median, worst) = spread(&self.times);
+        json!({
+            "runs": self.times.len(), "median_ns": median, "worst_ns": worst, "corrected": self.corrected,
+            "degenerate": self.degenerate, "left": self.left, "largest_shift_m": self.shift, "largest_turn_rad": self.turn,
+            "bytes": self.bytes,
+        })
+    }
 }
 
 impl Taken {
@@ -404,6 +493,24 @@ impl Light {
                 100.0 * self.near_share
             ),
         );
+        if let Some(r) = &self.registered {
+            let (median, worst) = spread(&r.times);
+            say.fact(
+                "registered",
+                &format!(
+                    "{} times, {} (worst {}); {} views corrected by at most {} and {:.1}°, {} of them in the directions that the \
+                     surfaces tell; {} left as tracked",
+                    r.times.len(),
+                    duration(median),
+                    duration(worst),
+                    r.corrected,
+                    metres(r.shift),
+                    r.turn.to_degrees(),
+                    r.degenerate,
+                    r.left
+                ),
+            );
+        }
         if let Some((guide, next)) = &self.guide {
             say.fact("guided", &guided_sentence(guide, next));
         }
@@ -455,6 +562,7 @@ impl Light {
                     "draw": { "median_ns": draw, "worst_ns": d_worst },
                 },
                 "frames_offered": t.offered, "not_taken_moving": t.moving, "not_taken_not_new": t.not_new,
+                "registration": self.registered.as_ref().map(Registered::json),
                 "guided": self.guide.as_ref().map(|(guide, next)| guided_json(guide, next)),
                 "memory_bytes": memory, "up": self.up.json(), "notes": t.left_out,
             }),

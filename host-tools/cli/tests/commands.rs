@@ -511,6 +511,7 @@ fn frames_with_poses_share_one_world() {
 fn the_light_of_a_place_from_files_and_back() {
     let folder = Folder::new();
     let (src, map, balls) = (folder.path("room"), folder.path("map.exr"), folder.path("balls.png"));
+    let drifting = folder.path("drifting");
     let at = "--at=-0.35,0.53,-0.5";
     let orbit = ["--path", "orbit", "--place", "table", "--environment", "64", "--out", &src];
     json(&[&["sim", "living-room", "--frames", "30", "--size", "64x48"], &orbit[..]].concat());
@@ -526,6 +527,14 @@ fn the_light_of_a_place_from_files_and_back() {
     let every = json(&["envmap", &src, at, "--all", "--preset", "tiny", "--out", &folder.path("all.hdr")]);
     assert_eq!((&every["frames"], &every["not_taken_not_new"]), (&30.into(), &0.into()));
     assert!(every["memory_bytes"].as_object().expect("parts").values().map(number).sum::<f64>() < 256.0 * 1024.0);
+
+    let orbit =
+        ["--path", "orbit", "--place", "table", "--tracking", "phone", "--environment", "0", "--out", &drifting];
+    json(&[&["sim", "living-room", "--frames", "45", "--size", "160x120"], &orbit[..]].concat());
+    let registered = json(&["envmap", &drifting, at, "--register", "--out", &folder.path("r.exr")]);
+    let r = &registered["registration"];
+    assert!(number(&r["runs"]) >= 1.0 && number(&r["corrected"]) >= 1.0, "{r}");
+    assert!((1e-5..0.1).contains(&number(&r["largest_shift_m"])), "{r}");
 
     // The file says what the session said; the truth beside the recording is not far.
     let probe = json(&["probe", "--map", &map, "--out", &balls]);

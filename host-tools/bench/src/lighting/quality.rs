@@ -168,7 +168,13 @@ impl Bench<'_> {
 
         let five: Vec<&Sight> = circle.iter().take(5).collect();
         self.put(DRIFT, "exact poses", &reconstruct(&recipe, at, &five, &far, ambient)?);
-        for (row, metres, degrees) in [("2 cm, 2 degrees", 0.02, 2.0), ("5 cm, 5 degrees", 0.05, 5.0)] {
+        let registered = Recipe { register: true, ..recipe };
+        for (row, metres, degrees, recipe) in [
+            ("2 cm, 2 degrees", 0.02, 2.0, recipe),
+            ("2 cm, 2 degrees, registered", 0.02, 2.0, registered),
+            ("5 cm, 5 degrees", 0.05, 5.0, recipe),
+            ("5 cm, 5 degrees, registered", 0.05, 5.0, registered),
+        ] {
             // The last view's pose is the world's: the earlier ones have drifted away from it.
             let moved: Vec<Sight> = (five.iter().zip(0_u64..))
                 .map(|(sight, i)| match i {

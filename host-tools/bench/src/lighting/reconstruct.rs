@@ -10,6 +10,10 @@ use isobath::lighting::far::observe::FarSampling;
 use isobath::lighting::far::{FarField, FarParams};
 use isobath::lighting::lattice::Lattice;
 use isobath::lighting::near::{NearField, NearMemory, NearParams};
+use isobath::lighting::preset::MOST_VIEWS;
+use isobath::lighting::registration::{Progress, Registration, RegistrationParams, scratch_len};
+use isobath::sensing::depth::noise::DepthNoise;
+use isobath::sensing::frame::DepthFrame;
 use isobath_sim::{LinearImage, V3};
 
 use super::sights::{Sight, vec3};
@@ -27,6 +31,8 @@ pub(super) struct Recipe {
     pub(super) far_field: bool,
     /// What stands where nobody looked.
     pub(super) unseen: Unseen,
+    /// Whether views' poses are made to agree with the first one's.
+    pub(super) register: bool,
 }
 
 /// What stands where nobody looked.
@@ -38,6 +44,26 @@ pub(super) enum Unseen {
     Mean,
     /// From around: the directions that were seen, each weighted with the cosine of half its angle to the power of 16.
     Around,
+}
+
+/// Makes the views' poses agree; the first stays.
+fn register(near: &mut NearField<'_>, map: &MapFrame) -> Result<(), BenchError> {
+    let (width, height) = near.preset().view;
+    let mut memory = vec![0.0; MOST_VIEWS * scratch_len(width, height)];
+    let mut views = Registration::<MOST_VIEWS>::new(&mut memory, RegistrationParams::default());
+    for slot in 0..near.len() {
+        let (Some(view), Some(depth)) = (near.view(slot), near.depth(slot)) else { continue };
+        let frame = DepthFrame::new(depth, view.unit, view.intrinsics).with_pose(view.pose);
+        views.set(slot, &frame, &DepthNoise::NONE).map_err(BenchError::core)?;
+    }
+    views.start(&[0]).map_err(BenchError::core)?;
+    while views.step(usize::MAX) == Progress::Working {}
+    for slot in 1..near.len() {
+        if let Some(report) = views.report(slot).filter(|r| r.outcome.is_corrected()) {
+            near.correct(slot, report.pose, map);
+        }
+    }
+    Ok(())
 }
 
 /// Puts a guess on anchors never seen. A trial of the bench's own: afterwards they count as seen.
@@ -73,7 +99,7 @@ impl Recipe {
     /// As shipped.
     pub(super) fn new(preset: Preset) -> Self {
         let (near, sampling) = (NearParams::default(), FarSampling::default());
-        Self { preset, near, sampling, near_field: true, far_field: true, unseen: Unseen::Ambient }
+        Self { preset, near, sampling, near_field: true, far_field: true, unseen: Unseen::Ambient, register: false }
     }
 }
 
@@ -150,6 +176,9 @@ fn go<const COLUMNS: usize, const ROWS: usize>(
         if recipe.far_field {
             far.add_frame(&frame, &map, &recipe.sampling).map_err(BenchError::core)?;
         }
+    }
+    if recipe.register {
+        register(&mut near, &map)?;
     }
     guess(recipe.unseen, &mut far);
     near.merge();
