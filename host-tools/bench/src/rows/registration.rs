@@ -17,7 +17,7 @@ use crate::row::{Measure, Method, Row, Score};
 pub(crate) const REGISTRATION: Row = Row {
     name: "lighting-registration",
     title: "Poses of five views, corrected",
-    unit: "registration",
+    unit: "run",
     errors: &[
         Measure {
             unit: "mm",
