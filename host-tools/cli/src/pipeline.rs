@@ -23,6 +23,7 @@ use isobath::ground::geometry::{OrientedBox, Plane, Ray};
 use isobath::ground::image::ImageViewMut;
 use isobath::lighting::equirect::MapFrame;
 use isobath::lighting::far::harmonics::Harmonics;
+use isobath::lighting::policy::motion::{AutoCapture, MotionParams};
 use isobath::lighting::{Drawn, Observed, Preset, Session};
 use isobath::localized::collision::{Collision, CollisionParams, Verdict, box_points, vote};
 use isobath::localized::height_map::{Grid, HeightCell, HeightMap, HeightMapParams, IntegrateReport};
@@ -113,7 +114,8 @@ pub(crate) struct Tap {
 pub(crate) struct Lit {
     pub(crate) map: MapFrame,
     pub(crate) why: &'static str,
-    pub(crate) observed: Observed,
+    /// What the frame gave; `None` when it showed nothing new, or the camera moved too fast.
+    pub(crate) observed: Option<Observed>,
     pub(crate) drawn: Drawn,
     /// Far anchors seen so far, and the share of all directions with near points.
     pub(crate) seen: usize,
@@ -237,6 +239,8 @@ pub(crate) struct Pipeline<'m, D: DepthSample> {
     /// Until an object stands somewhere for all frames.
     light: Option<&'m mut lighting::Memory>,
     session: Option<(Session<'m>, &'static str)>,
+    /// Which frames the session takes.
+    capture: AutoCapture,
     light_map: &'m mut [[f32; 3]],
 }
 
@@ -269,6 +273,7 @@ impl<'m, D: DepthSample> Pipeline<'m, D> {
             reticle: Reticle::new(ReticleParams::DEFAULT).map_err(|e| Failure::of(&e, "reticle"))?,
             light: Some(&mut memory.light),
             session: None,
+            capture: AutoCapture::new(MotionParams::DEFAULT).map_err(|e| Failure::of(&e, "light"))?,
             light_map: &mut memory.light_map,
         })
     }
@@ -459,11 +464,12 @@ impl<'m, D: DepthSample> Pipeline<'m, D> {
                 self.session = Some((memory.session(map, ambient)?, why));
             }
             if let Some((session, why)) = &mut self.session {
-                return lit(session, why, &frame, self.light_map, watch).map(Ok);
+                let view = self.capture.offer(frame.pose().as_ref(), frame.time()).captured();
+                return lit(session, why, &frame, view, self.light_map, watch).map(Ok);
             }
         } else if let (Some((map, why)), Some(memory)) = (place(), self.light.as_deref_mut()) {
             let mut session = memory.session(map, ambient)?;
-            return lit(&mut session, why, &frame, self.light_map, watch).map(Ok);
+            return lit(&mut session, why, &frame, Some(0), self.light_map, watch).map(Ok);
         }
         Ok(Err("there is no place for an object yet"))
     }
@@ -559,19 +565,19 @@ fn chair_at<D: DepthSample>(
     Some((chair, vote(frame, box_points(&chair, up), &STRICT)))
 }
 
-/// A frame offered to an object's session, and the map drawn.
+/// A frame put into an object's session as a view, if it is one, and the map drawn.
 fn lit<D: DepthSample>(
     session: &mut Session<'_>,
     why: &'static str,
     frame: &DepthFrame<'_, D>,
+    view: Option<u16>,
     pixels: &mut [[f32; 3]],
     watch: &mut Watch<'_>,
 ) -> Outcome<Lit> {
-    let id = frame.sequence() as u32;
     let (width, height) = LIGHT_PRESET.map;
     let mut out = ImageViewMut::new(pixels, width, height).map_err(|e| Failure::of(&e, "environment map"))?;
     let (observed, drawn) = watch.time(LIGHT, || {
-        let observed = session.observe(frame, id);
+        let observed = view.map(|id| session.observe(frame, u32::from(id))).transpose();
         (observed, session.draw(&mut out))
     });
     let observed = observed.map_err(|e| Failure::of(&e, format!("frame {}", frame.sequence())))?;

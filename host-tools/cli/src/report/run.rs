@@ -261,8 +261,8 @@ fn findings_json(found: &Findings) -> Value {
     let [hits, occluded, missed, no_depth, outside] = ray_counts(found);
     let light = match &found.light {
         Ok(lit) => json!({
-            "answer": "light", "at_m": lit.map.at.to_array(), "near_view": lit.observed.near.is_some(),
-            "near_points": lit.observed.near.map(|n| n.inside), "far_samples": lit.observed.far.samples,
+            "answer": "light", "at_m": lit.map.at.to_array(), "taken": lit.observed.is_some(),
+            "near_points": lit.observed.and_then(|o| o.near).map(|n| n.inside), "far_samples": lit.observed.map(|o| o.far.samples),
             "anchors_seen": lit.seen, "near_share": lit.near_share,
             "harmonics": light_json(&lit.harmonics, |d| lit.map.rotation.inverse() * d),
         }),
