@@ -41,7 +41,8 @@ pub struct NearParams {
     /// resolution. Default 0.5.
     pub margin: f32,
     /// Points of a view may be so many pixels of the finest level apart before all of them are needed; where they are closer by a factor of 2 or 4, every second or
-    /// fourth will do. 0: all points, always. At most 2. Default 1.
+    /// fourth will do. Saves up to half of the projection's time; surfaces that the camera sees at a grazing angle may get holes, which coarser levels close.
+    /// 0: all points, always. At most 2. Default 0.
     pub thin: f32,
     /// Pixels of the finest level over which coverage fades towards its border; 0 is a hard edge. At most 255. Default 3.
     pub seam: u8,
@@ -49,7 +50,7 @@ pub struct NearParams {
 
 impl Default for NearParams {
     fn default() -> Self {
-        Self { half_side: 1.0, confidence: 128, margin: 0.5, thin: 1.0, seam: 3 }
+        Self { half_side: 1.0, confidence: 128, margin: 0.5, thin: 0.0, seam: 3 }
     }
 }
 

@@ -5,7 +5,7 @@
 //! later by this number alone. With views of 2^20 pixels a step is 0.4 mm of a 2 m cube, with smaller views less.
 //!
 //! Where a view is much finer than the layer, every second or fourth point in both directions is enough ([`NearParams::thin`](super::NearParams)): decided
-//! for each run of a row by its point nearest to the map's place.
+//! for each run of a row by its point nearest to the map's vertical axis.
 //!
 //! Thirty-two points at a time: no square roots, no arc functions, no branches but "none of these is inside".
 
@@ -227,14 +227,19 @@ fn front<const COUNT: usize, T>(all: &[T; RUN]) -> Option<&[T; COUNT]> {
 }
 
 impl Run {
-    /// How many points apart still leave no pixel without, 1, 2 or 4: by the nearest point to the map's place and the farthest from the camera.
+    /// How many points apart still leave no pixel without, 1, 2 or 4: by the point nearest to the map's vertical axis and the one farthest from the
+    /// camera.
     #[inline(always)]
     fn stride(&self, depth: &[u16; RUN], wide: f32) -> usize {
         // Over all points: what is outside or no reading can but make it smaller.
         let (mut near, mut far) = ([f32::INFINITY; 8], [0_u16; 8]);
-        for (squares, depths) in self.square.as_chunks::<8>().0.iter().zip(depth.as_chunks::<8>().0) {
-            for (near, square) in near.iter_mut().zip(squares) {
-                *near = if *square < *near { *square } else { *near };
+        let [xs, _, zs] = &self.p;
+        let points = xs.as_chunks::<8>().0.iter().zip(zs.as_chunks::<8>().0);
+        for ((xs, zs), depths) in points.zip(depth.as_chunks::<8>().0) {
+            for (near, (x, z)) in near.iter_mut().zip(xs.iter().zip(zs)) {
+                // From the vertical axis: towards the poles pixels are narrower.
+                let square = x * x + z * z;
+                *near = if square < *near { square } else { *near };
             }
             for (far, depth) in far.iter_mut().zip(depths) {
                 *far = if *depth > *far { *depth } else { *far };
