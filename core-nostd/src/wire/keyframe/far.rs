@@ -13,7 +13,7 @@
 //! is the mean of the *light* of the pixels that it covers, taken as sRGB, and not of their codes: a lamp in 1 % of the pixels
 //! counts for 1 % of the light, which the mean of codes makes a quarter of. (The paper takes one pixel of them.)
 //!
-//! Memory: three bytes a pixel of the picture, at the end of the caller's slice; a table of 1 KiB in flash. Cost: one pass over the colour image.
+//! Memory: three bytes a pixel of the picture, at the end of the caller's slice; the tables of [`colour`](crate::ground::colour). Cost: one pass over the colour image.
 //! Error: rotation to 0.005 degrees; the mean to half a code of 255; colour as in [`near`](super::near).
 
 use core::f32::consts::FRAC_1_SQRT_2;
@@ -24,6 +24,7 @@ use super::bytes::{Put, Take};
 use super::near::MOST_ERROR;
 use super::planes;
 use super::{FAR, FRAME_BYTES, Header, KeyFrameError, begin, put_intrinsics, take_intrinsics};
+use crate::ground::colour::Colour;
 use crate::ground::image::{ImageView, ImageViewMut};
 use crate::ground::{math, rotation};
 use crate::sensing::camera::Intrinsics;
@@ -158,8 +159,8 @@ fn mean(image: ImageView<'_, [u8; 3]>, size: (usize, usize), x: usize, y: usize)
         // Row by row, so that no sum gets much larger than what is added.
         let mut row = [0.0_f32; 3];
         for pixel in image.row(y).get(left..right).unwrap_or_default() {
-            for (sum, &v) in row.iter_mut().zip(pixel) {
-                *sum += light(v);
+            for (sum, v) in row.iter_mut().zip(pixel.linear()) {
+                *sum += v;
             }
         }
         for (sum, row) in sums.iter_mut().zip(row) {
@@ -167,50 +168,7 @@ fn mean(image: ImageView<'_, [u8; 3]>, size: (usize, usize), x: usize, y: usize)
         }
     }
     let count = ((right - left) * (bottom - top)) as f32;
-    sums.map(|sum| code(sum / count))
-}
-
-/// The light of each sRGB code (IEC 61966-2-1), 0 to 1: 1 KiB, computed when compiling.
-static LIGHT: [f32; 256] = {
-    let mut table = [0.0; 256];
-    let mut code = 0;
-    while code < 256 {
-        let v = code as f64 / 255.0;
-        let light = if v <= 0.04045 {
-            v / 12.92
-        } else {
-            // w^2.4 is w^2 times the fifth root of w^2, which is found by Newton's method from above.
-            let w = (v + 0.055) / 1.055;
-            let mut root = 1.0;
-            let mut step = 0;
-            while step < 40 {
-                root -= (root - w * w / (root * root * root * root)) / 5.0;
-                step += 1;
-            }
-            w * w * root
-        };
-        #[allow(clippy::indexing_slicing, reason = "evaluated when compiling, where a panic is an error")]
-        {
-            table[code] = light as f32;
-        }
-        code += 1;
-    }
-    table
-};
-
-#[inline(always)]
-fn light(code: u8) -> f32 {
-    LIGHT.get(usize::from(code)).copied().unwrap_or(0.0)
-}
-
-/// The code whose light is nearest, by halving.
-fn code(wanted: f32) -> u8 {
-    let (mut low, mut high) = (0_u8, 255_u8);
-    while high - low > 1 {
-        let middle = low + (high - low) / 2;
-        if light(middle) <= wanted { low = middle } else { high = middle }
-    }
-    if wanted - light(low) < light(high) - wanted { low } else { high }
+    Colour::of_linear(sums.map(|sum| sum / count))
 }
 
 /// 32767 for the largest that three of four components can be.
@@ -314,6 +272,7 @@ impl<'a> Far<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ground::colour::{decode_srgb as light, encode_srgb as code};
     use proptest::prelude::*;
 
     /// sRGB by its definition (IEC 61966-2-1), in double precision.
