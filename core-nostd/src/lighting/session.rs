@@ -121,8 +121,7 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
         far: &'m mut FarField<N>,
         grid: &'m mut FarMap<COLUMNS, ROWS>,
     ) -> Self {
-        let sampling = FarSampling { columns: 32, rows: 24, parallax: true };
-        Self { map, near, far, grid, sampling, moved: false, whole: true }
+        Self { map, near, far, grid, sampling: FarSampling::DEFAULT, moved: false, whole: true }
     }
 
     /// With another way of sampling light from afar.

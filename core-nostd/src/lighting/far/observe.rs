@@ -31,9 +31,14 @@ pub struct FarSampling {
     pub parallax: bool,
 }
 
+impl FarSampling {
+    /// As [`Self::default`].
+    pub const DEFAULT: Self = Self { columns: 32, rows: 24, parallax: true };
+}
+
 impl Default for FarSampling {
     fn default() -> Self {
-        Self { columns: 32, rows: 24, parallax: true }
+        Self::DEFAULT
     }
 }
 

@@ -222,7 +222,7 @@ impl<'m> NearField<'m> {
         };
         memory.picture.fill([0; 4]);
         memory.layers.fill(project::EMPTY);
-        let mut near = Self {
+        Ok(Self {
             preset,
             params,
             memory,
@@ -230,9 +230,7 @@ impl<'m> NearField<'m> {
             spans: [NOWHERE; MOST_VIEWS],
             drawn: (0, 0),
             ticks: 0,
-        };
-        near.drawn = (0, 0);
-        Ok(near)
+        })
     }
 
     /// Its sizes.

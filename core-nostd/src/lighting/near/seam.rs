@@ -60,18 +60,18 @@ fn along(row: &mut [[u8; 4]], step: u8, seam: u8) {
         return;
     }
     let turn = usize::from(seam).min(row.len());
-    let mut held = row.last().map_or(0, |p| p[3]);
-    let mut pass = |p: &mut [u8; 4]| {
-        held = p[3].min(held.saturating_add(step));
-        p[3] = held;
-    };
-    row.iter_mut().for_each(&mut pass);
-    row.iter_mut().take(turn).for_each(&mut pass);
-    let mut held = row.first().map_or(0, |p| p[3]);
-    let mut pass = |p: &mut [u8; 4]| {
-        held = p[3].min(held.saturating_add(step));
-        p[3] = held;
-    };
-    row.iter_mut().rev().for_each(&mut pass);
-    row.iter_mut().rev().take(turn).for_each(&mut pass);
+    let last = row.last().map_or(0, |p| p[3]);
+    let held = one_way(row.iter_mut(), last, step);
+    one_way(row.iter_mut().take(turn), held, step);
+    let first = row.first().map_or(0, |p| p[3]);
+    let held = one_way(row.iter_mut().rev(), first, step);
+    one_way(row.iter_mut().rev().take(turn), held, step);
+}
+
+/// No more than one step above the pixel before, of which the first's is `held`; the last one's coverage.
+fn one_way<'a>(pixels: impl Iterator<Item = &'a mut [u8; 4]>, held: u8, step: u8) -> u8 {
+    pixels.fold(held, |held, [.., cover]| {
+        *cover = (*cover).min(held.saturating_add(step));
+        *cover
+    })
 }

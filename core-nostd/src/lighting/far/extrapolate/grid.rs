@@ -109,6 +109,17 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         Row { sin, cos, near: math::cos(wide), heights: (bottom, top) }
     }
 
+    /// The grid's row, and whether it is seen across a pole: beyond one lies the row as far from it, on the other side.
+    pub(super) fn over_poles(row: isize) -> (Option<usize>, bool) {
+        let rows = ROWS as isize;
+        let (row, across) = match row {
+            r if r < 0 => (-1 - r, true),
+            r if r >= rows => (2 * rows - 1 - r, true),
+            r => (r, false),
+        };
+        (usize::try_from(row).ok(), across)
+    }
+
     /// Which blocks of a row an anchor reaches, a bit each.
     fn blocks(&self, row: &Row, [x, y, z]: [f32; 3]) -> u32 {
         let (a, s, c) = (y * row.cos, x * row.sin, -z * row.sin);
@@ -130,8 +141,6 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
                 let lon = core::f32::consts::TAU * ((u as f32 + 0.5) / COLUMNS as f32 - 0.5);
                 (*sin, *cos) = (math::sin(lon), math::cos(lon));
             }
-        }
-        if first {
             for (block, middle) in self.middles.iter_mut().enumerate() {
                 let lon = core::f32::consts::TAU * (((block * LANES + LANES / 2) as f32) / COLUMNS as f32 - 0.5);
                 *middle = (math::sin(lon), math::cos(lon));
@@ -178,20 +187,14 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         (width, height): (usize, usize),
         mut tell: impl FnMut(Range<usize>),
     ) {
-        // Four grid rows are blended, those around the row's middle; beyond a pole, what is there lies across it.
+        // Four grid rows are blended, those around the row's middle.
         let first = (y as f32 + 0.5) / height.max(1) as f32 * ROWS as f32 - 1.5;
         let half = (Self::BLOCKS / 2) as u32;
         let all = if Self::BLOCKS == 32 { u64::from(u32::MAX) } else { (1 << Self::BLOCKS) - 1 };
         let mut fresh = 0_u64;
         for k in 0..4 {
-            let row = math::floor(first) as isize + k;
-            let (row, across) = match row {
-                r if r < 0 => (-1 - r, true),
-                r if r >= ROWS as isize => (2 * ROWS as isize - 1 - r, true),
-                r => (r, false),
-            };
-            let bits =
-                u64::from(usize::try_from(row).ok().and_then(|r| self.fresh.get(r)).copied().unwrap_or_default());
+            let (row, across) = Self::over_poles(math::floor(first) as isize + k);
+            let bits = u64::from(row.and_then(|r| self.fresh.get(r)).copied().unwrap_or_default());
             // Half a block more when blocks are odd in number: both that it falls on.
             let turned = (bits << half | bits >> (Self::BLOCKS as u32 - half)) & all;
             let again = if Self::BLOCKS % 2 == 1 { (turned << 1 | turned >> (Self::BLOCKS - 1)) & all } else { turned };

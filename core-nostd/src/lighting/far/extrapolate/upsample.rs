@@ -54,15 +54,9 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         ];
         let mut out = Blended([[0.0; COLUMNS]; 3]);
         for (k, weight) in (-1..=2).zip(weights) {
-            let row = first as isize + k;
-            // Over a pole, and on: the row as far from it, seen from the other side.
-            let (row, turned) = match row {
-                r if r < 0 => (-1 - r, true),
-                r if r >= ROWS as isize => (2 * ROWS as isize - 1 - r, true),
-                r => (r, false),
-            };
+            let (row, turned) = Self::over_poles(first as isize + k);
             for (plane, out) in self.planes.iter().zip(&mut out.0) {
-                let Some(row) = usize::try_from(row).ok().and_then(|r| plane.get(r)) else { continue };
+                let Some(row) = row.and_then(|r| plane.get(r)) else { continue };
                 // Across the pole, the row's halves change places.
                 let (left, right) = row.split_at(if turned { COLUMNS / 2 } else { 0 });
                 let (first, second) = out.split_at_mut(right.len().min(COLUMNS));
