@@ -5,6 +5,7 @@
 //! - `tests/`: numerics against `f64` oracles, hostile input, end to end.
 
 pub mod fuzz;
+pub mod near;
 pub mod shared;
 
 /// The README's examples, compiled and run by `cargo test --doc`.

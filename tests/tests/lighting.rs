@@ -1,14 +1,14 @@
 //! Light against the simulator's ground truth: the two fields beside a 360-degree camera at the observer, with the paper's rules, and with views that
 //! drifted. `cargo test -p isobath-tests --test lighting -- --nocapture` prints the figures; `isobath bench lighting` has more places.
 
-use glam::{Mat3, Quat, Vec3};
+use glam::{Quat, Vec3};
 use isobath::ground::colour::encode_srgb;
 use isobath::ground::image::{ImageView, ImageViewMut};
 use isobath::lighting::equirect::MapFrame;
 use isobath::lighting::far::extrapolate::FarMap;
 use isobath::lighting::far::observe::FarSampling;
 use isobath::lighting::far::{FarField, FarParams};
-use isobath::lighting::near::{NearField, NearMemory, NearParams};
+use isobath::lighting::near::{NearField, NearParams};
 use isobath::lighting::policy::guided::{Directions, Guide, GuideParams, Next};
 use isobath::lighting::registration::{Progress, Registration, RegistrationParams, scratch_len};
 use isobath::lighting::{Preset, Session};
@@ -16,7 +16,8 @@ use isobath::sensing::camera::{Intrinsics, Pose};
 use isobath::sensing::depth::DepthUnit;
 use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::frame::DepthFrame;
-use isobath_sim::{LinearImage, Rigid, Scene, SimCamera, V3, orbit_stations};
+use isobath_sim::{LinearImage, Rigid, Scene, SimCamera, core_pose, core_vec3, orbit_stations};
+use isobath_tests::near::NearBox;
 
 const PRESET: Preset = Preset { views: 3, view: (256, 192), levels: [256, 128, 64, 0], map: (256, 128) };
 const FOV: f64 = 1.1;
@@ -29,20 +30,16 @@ struct Shot {
     pose: Pose,
 }
 
-fn vec3(v: V3) -> Vec3 {
-    Vec3::from(v.to_f32())
-}
-
-fn pose(p: &Rigid) -> Pose {
-    let r = &p.rotation;
-    Pose::new(Quat::from_mat3(&Mat3::from_cols(vec3(r.x), vec3(r.y), vec3(r.z))), vec3(p.translation)).unwrap()
-}
-
 impl Shot {
     fn new(scene: &Scene, size: (usize, usize), at: &Rigid) -> Self {
         let (truth, colour) = scene.render(0.0, &SimCamera::from_fov(size.0, size.1, FOV).unwrap(), at);
         let steps = |z: &f64| if (0.001..13.0).contains(z) { (z * 5000.0).round() as u16 } else { 0 };
-        Self { size, depth: truth.z.iter().map(steps).collect(), colour: scene.to_srgb(&colour), pose: pose(at) }
+        Self {
+            size,
+            depth: truth.z.iter().map(steps).collect(),
+            colour: scene.to_srgb(&colour),
+            pose: core_pose(at).unwrap(),
+        }
     }
 
     fn frame(&self) -> DepthFrame<'_> {
@@ -65,20 +62,10 @@ fn reconstruct(
     parallax: bool,
     register: bool,
 ) -> Vec<[f32; 3]> {
-    let points = PRESET.views * PRESET.view_pixels();
-    let (mut depth, mut colour) = (vec![0; points], vec![[0; 3]; points]);
-    let mut layers = vec![0; PRESET.views * PRESET.level_pixels()];
-    let (mut picture, mut strip) = (vec![[0; 4]; PRESET.level_pixels()], vec![0; PRESET.strip()]);
-    let memory = NearMemory {
-        depth: &mut depth,
-        colour: &mut colour,
-        layers: &mut layers,
-        picture: &mut picture,
-        strip: &mut strip,
-    };
+    let mut memory = NearBox::new(&PRESET);
     let mut anchors = Box::new(FarField::<1280>::new(FarParams::default(), ambient));
     let mut grid = Box::new(FarMap::<128, 64>::new());
-    let field = NearField::new(PRESET, params, memory).unwrap();
+    let field = NearField::new(PRESET, params, memory.lend()).unwrap();
     let sampling = FarSampling { parallax, ..FarSampling::default() };
     let mut session = Session::new(MapFrame::at(at), field, &mut *anchors, &mut *grid).with_sampling(sampling);
     for (id, shot) in near.iter().chain(far).enumerate() {
@@ -143,7 +130,7 @@ fn turned(pose: &Pose, turn: f32, shift: Vec3) -> Pose {
 fn on_the_table_of_the_living_room() {
     let scene = Scene::open("living-room").unwrap();
     let place = scene.places()["table"];
-    let at = vec3(place);
+    let at = core_vec3(place);
     let stations = orbit_stations(place);
     let truth = exposed(&scene, scene.environment_map(0.0, place, PRESET.map.0, 2));
     let observer = &stations[27];
@@ -154,8 +141,8 @@ fn on_the_table_of_the_living_room() {
 
     // The observer turns around and looks where the guide says.
     let params = GuideParams { directions: Directions::Nine, ..GuideParams::default() };
-    let mut guide = Guide::new(at, vec3(observer.translation), Vec3::Y, params).unwrap();
-    let (mut far, mut looking) = (Vec::new(), pose(observer));
+    let mut guide = Guide::new(at, core_vec3(observer.translation), Vec3::Y, params).unwrap();
+    let (mut far, mut looking) = (Vec::new(), core_pose(observer).unwrap());
     while let Next::Look(turn) = guide.next(&looking) {
         let d = turn.direction;
         let target = observer.translation + isobath_sim::v3(d.x.into(), d.y.into(), d.z.into());

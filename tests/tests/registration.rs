@@ -3,14 +3,14 @@
 //! Five views, the first stays, each of the others is moved by 5 cm and turned by 5 degrees in a random direction. Errors are those
 //! of the corrected poses. `cargo test -p isobath-tests --test registration -- --nocapture` prints them; times are the bench's.
 
-use glam::{Mat3, Quat, Vec3};
+use glam::{Quat, Vec3};
 use isobath::ground::image::ImageView;
 use isobath::lighting::registration::{Outcome, Progress, Registration, RegistrationParams, ViewReport, scratch_len};
 use isobath::sensing::camera::{Intrinsics, Pose};
 use isobath::sensing::depth::DepthUnit;
 use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::frame::DepthFrame;
-use isobath_sim::{GroundTruth, Rigid, Scene, SensorModel, SimCamera, Trajectory, V3};
+use isobath_sim::{GroundTruth, Rigid, Scene, SensorModel, SimCamera, Trajectory, core_pose};
 
 const VIEWS: usize = 5;
 
@@ -29,20 +29,11 @@ struct Sensed<'a> {
     noise: DepthNoise,
 }
 
-fn vec3(v: V3) -> Vec3 {
-    Vec3::from(v.to_f32())
-}
-
-fn pose(p: &Rigid) -> Pose {
-    let r = &p.rotation;
-    Pose::new(Quat::from_mat3(&Mat3::from_cols(vec3(r.x), vec3(r.y), vec3(r.z))), vec3(p.translation)).unwrap()
-}
-
 impl Views {
     fn new(scene: &Scene, poses: &[Rigid], size: (usize, usize)) -> Self {
         let camera = scene.camera(size.0, size.1).unwrap();
         let images = poses.iter().map(|p| scene.render_geometry(0.0, &camera, p)).collect();
-        Self { camera, images, truth: poses.iter().map(pose).collect() }
+        Self { camera, images, truth: poses.iter().map(|p| core_pose(p).unwrap()).collect() }
     }
 
     fn sensed(&self, sensor: &str, unit: f32, noise: DepthNoise) -> Sensed<'_> {

@@ -207,8 +207,8 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
         was
     }
 
-    /// Gives the near views to a registration, each in its slot, as they are now (`V` is at least the preset's views). Start it with the slots that stay, step
-    /// it beside the frames that come, and [adopt](Self::adopt) what it found.
+    /// Gives the near views to a registration: [`NearField::prepare`]. Start it with the slots that stay, step it beside the frames that come, and
+    /// [adopt](Self::adopt) what it found.
     ///
     /// # Errors
     /// Those of [`Registration::set`].
@@ -217,13 +217,7 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
         registration: &mut Registration<'_, V>,
         noise: &DepthNoise,
     ) -> Result<(), RegistrationError> {
-        for slot in 0..self.near.preset().views {
-            match self.near.frame(slot) {
-                Some(frame) => registration.set(slot, &frame, noise)?,
-                None => registration.clear(slot),
-            }
-        }
-        Ok(())
+        self.near.prepare(registration, noise)
     }
 
     /// Takes the poses that a finished registration is sure of, those that are corrected in some directions alone included. Views that were replaced since stay. How many moved.

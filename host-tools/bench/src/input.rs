@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use isobath::glam::{Mat3, Quat, Vec3};
+use isobath::glam::Vec3;
 use isobath::ground::image::ImageView;
 use isobath::sensing::camera::{Intrinsics, Pose};
 use isobath::sensing::depth::noise::DepthNoise;
 use isobath::sensing::depth::{DepthSample, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
-use isobath_sim::{GroundTruth, Rigid, Scene, SensorModel, SimCamera, Stage, V3};
+use isobath_sim::{GroundTruth, Rigid, Scene, SensorModel, SimCamera, Stage, V3, core_pose};
 
 use crate::BenchError;
 
@@ -125,9 +125,7 @@ impl Input {
         let place = Rigid::looking_at(scene.view().eye, scene.view().target);
         let truth = scene.render_geometry(0.0, &camera, &place);
         let intrinsics = Intrinsics::new(camera.fx as f32, camera.fy as f32, camera.cx as f32, camera.cy as f32)?;
-        let axes = &place.rotation;
-        let rotation = Quat::from_mat3(&Mat3::from_cols(vec3(axes.x), vec3(axes.y), vec3(axes.z)));
-        let pose = Pose::new(rotation, vec3(place.translation)).unwrap_or(Pose::IDENTITY);
+        let pose = core_pose(&place).unwrap_or(Pose::IDENTITY);
         let (scene, truth) = (Arc::new(scene), Arc::new(truth));
         let depth = Depth::F32(Vec::new());
         let input = Self { scene, sensor, truth, depth, camera, place, intrinsics, pose, seed, keep: false };
@@ -215,11 +213,7 @@ impl Input {
     }
 }
 
-/// The simulator's vector in the core's.
-#[must_use]
-pub fn vec3(v: V3) -> Vec3 {
-    Vec3::from_array(v.to_f32())
-}
+pub use isobath_sim::core_vec3 as vec3;
 
 /// The core's vector in the simulator's.
 #[must_use]

@@ -246,12 +246,7 @@ impl Registrar {
         let failed = |e: &dyn std::error::Error| Failure::of(e, format!("{source}, --register"));
         let start = Instant::now();
         let mut views = Registration::<MOST_VIEWS>::new(&mut self.memory, RegistrationParams::default());
-        for slot in 0..slots {
-            let near = session.near();
-            let (Some(view), Some(depth)) = (near.view(slot), near.depth(slot)) else { continue };
-            let frame = DepthFrame::new(depth, view.unit, view.intrinsics).with_pose(view.pose);
-            views.set(slot, &frame, &DepthNoise::KINECT).map_err(|e| failed(&e))?;
-        }
+        session.prepare(&mut views, &DepthNoise::KINECT).map_err(|e| failed(&e))?;
         views.start(&[newest]).map_err(|e| failed(&e))?;
         while views.step(usize::MAX) == Progress::Working {}
         let done = &mut self.done;

@@ -24,7 +24,7 @@ pub use render::sky::{LinearImage, direction_of_equirect, equirect_of_direction,
 pub use scene::{NAMES, Scene, View};
 pub use sensor::{SensorModel, Stage};
 pub use simulation::{SimFrame, SimOptions, Simulation};
-pub use source::SimSource;
+pub use source::{SimSource, core_pose, core_vec3};
 pub use write::{Summary, write_linear, write_recording};
 
 impl Scene {

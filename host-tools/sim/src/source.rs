@@ -11,7 +11,7 @@ use isobath::sensing::depth::DepthUnit;
 use isobath_source::{Deadline, DepthSource, Outcome, OwnedFrame, Recording, SourceError, SourceInfo};
 
 use crate::error::SimError;
-use crate::maths::Rigid;
+use crate::maths::{Rigid, V3};
 use crate::render::camera::SimCamera;
 use crate::simulation::{SimOptions, Simulation};
 
@@ -43,10 +43,17 @@ pub(crate) fn intrinsics(camera: &SimCamera) -> Result<Intrinsics, SimError> {
         .map_err(|e| SimError::option(e.to_string()))
 }
 
-/// The core's pose, rounded to `f32`.
-fn core_pose(pose: &Rigid) -> Option<Pose> {
+/// The core's vector, rounded to `f32`.
+#[must_use]
+pub fn core_vec3(v: V3) -> Vec3 {
+    Vec3::from(v.to_f32())
+}
+
+/// The core's pose, rounded to `f32`; `None` for one that is not finite.
+#[must_use]
+pub fn core_pose(pose: &Rigid) -> Option<Pose> {
     let [x, y, z, w] = pose.rotation.quaternion().map(|v| v as f32);
-    Pose::new(Quat::from_xyzw(x, y, z, w), Vec3::from(pose.translation.to_f32())).ok()
+    Pose::new(Quat::from_xyzw(x, y, z, w), core_vec3(pose.translation)).ok()
 }
 
 impl SimSource {

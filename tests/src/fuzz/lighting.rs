@@ -8,7 +8,7 @@ use isobath::lighting::equirect::MapFrame;
 use isobath::lighting::far::extrapolate::FarMap;
 use isobath::lighting::far::observe::FarSampling;
 use isobath::lighting::far::{FarField, FarParams};
-use isobath::lighting::near::{NearField, NearMemory, NearParams};
+use isobath::lighting::near::{NearField, NearParams};
 use isobath::lighting::{Preset, Session, cube};
 use isobath::sensing::camera::Pose;
 use isobath::sensing::depth::{DepthSample, DepthUnit};
@@ -16,6 +16,7 @@ use isobath::sensing::frame::DepthFrame;
 
 use super::sensing::intrinsics;
 use super::{fill, number, quat, vec3, word};
+use crate::near::NearBox;
 
 fn preset(u: &mut Unstructured<'_>) -> Result<Preset> {
     let levels =
@@ -45,18 +46,8 @@ fn sessions<D: DepthSample>(u: &mut Unstructured<'_>, next: impl Fn(&mut Unstruc
     let far_params = FarParams { cap: number(u)?, half_life: number(u)?, threshold: number(u)? };
     let mut far = FarField::<40>::new(far_params, [number(u)?, number(u)?, number(u)?]);
     let mut grid = FarMap::<16, 8>::new();
-    let points = preset.views * preset.view_pixels();
-    let (mut depth, mut colour) = (vec![0; points], vec![[0; 3]; points]);
-    let mut layers = vec![0; preset.views * preset.level_pixels()];
-    let (mut picture, mut strip) = (vec![[0; 4]; preset.level_pixels()], vec![0; preset.strip()]);
-    let memory = NearMemory {
-        depth: &mut depth,
-        colour: &mut colour,
-        layers: &mut layers,
-        picture: &mut picture,
-        strip: &mut strip,
-    };
-    let near = match NearField::new(preset, params, memory) {
+    let mut memory = NearBox::new(&preset);
+    let near = match NearField::new(preset, params, memory.lend()) {
         Ok(near) => near,
         Err(error) => {
             assert!(preset.check().is_err() && !error.to_string().is_empty());

@@ -24,8 +24,10 @@ use core::fmt;
 
 use super::equirect::MapFrame;
 use super::preset::{MOST_VIEWS, Preset, PresetError};
+use super::registration::{Registration, RegistrationError};
 use crate::ground::image::ImageView;
 use crate::sensing::depth::DepthSample;
+use crate::sensing::depth::noise::DepthNoise;
 use crate::sensing::frame::DepthFrame;
 use view::{View, ViewError};
 
@@ -285,6 +287,24 @@ impl<'m> NearField<'m> {
         let view = self.view(slot)?;
         let frame = DepthFrame::new(self.depth(slot)?, view.unit, view.intrinsics).with_pose(view.pose);
         Some(frame.with_colour(self.colour(slot)?).unwrap_or(frame))
+    }
+
+    /// Gives the views to a registration, each in its slot, as they are now (`V` is at least the preset's views).
+    ///
+    /// # Errors
+    /// Those of [`Registration::set`].
+    pub fn prepare<const V: usize>(
+        &self,
+        registration: &mut Registration<'_, V>,
+        noise: &DepthNoise,
+    ) -> Result<(), RegistrationError> {
+        for slot in 0..self.preset.views {
+            match self.frame(slot) {
+                Some(frame) => registration.set(slot, &frame, noise)?,
+                None => registration.clear(slot),
+            }
+        }
+        Ok(())
     }
 
     /// Takes a frame: in place of the view of the same id, else into an empty slot, else in place of the view that was observed longest ago. The

@@ -10,13 +10,13 @@ use isobath::lighting::equirect::{MapFrame, direction_of_pixel};
 use isobath::lighting::far::extrapolate::FarMap;
 use isobath::lighting::far::{FarField, FarParams};
 use isobath::lighting::lattice::Lattice;
-use isobath::sensing::camera::{Intrinsics, Pose};
-use isobath_sim::{Ball, LinearImage, Rigid, V3, covers, read_linear, render_ball, v3};
+use isobath::sensing::camera::Intrinsics;
+use isobath_sim::{Ball, LinearImage, Rigid, V3, core_pose, covers, read_linear, render_ball, v3};
 
 use super::Plan;
 use super::report::Line;
-use super::score::{psnr, shrunk};
-use super::sights::{FIELD, core_pose, guided, in_parallel};
+use super::score::{psnr, shrunk, solid_angle};
+use super::sights::{FIELD, guided, in_parallel};
 use crate::{BenchError, recordings};
 
 /// Maps are compared at this size.
@@ -64,13 +64,13 @@ fn of(path: &Path) -> Result<Vec<Line>, BenchError> {
             let d = direction_of_pixel(i % MAP.0, i / MAP.0, MAP);
             Lattice::<1280>::nearest(d).is_some_and(|anchor| far.weight(anchor) > 0.0)
         };
-        let compare = |truth: &LinearImage, all: bool| {
-            let pairs = pixels.iter().zip(&truth.pixels).enumerate().filter(|(i, _)| all || seen(*i));
-            psnr(pairs.map(|(i, (a, b))| {
-                let solid = (std::f64::consts::PI * ((i / MAP.0) as f64 + 0.5) / MAP.1 as f64).sin();
-                (<[u8; 3]>::of_linear(*a), <[u8; 3]>::of_linear(*b), solid)
-            }))
-        };
+        let compare =
+            |truth: &LinearImage, all: bool| {
+                let pairs = pixels.iter().zip(&truth.pixels).enumerate().filter(|(i, _)| all || seen(*i));
+                psnr(pairs.map(|(i, (a, b))| {
+                    (<[u8; 3]>::of_linear(*a), <[u8; 3]>::of_linear(*b), solid_angle(i / MAP.0, MAP.1))
+                }))
+            };
         let share = 100.0 * far.seen() as f64 / 1280.0;
         let map = LinearImage { width: MAP.0, height: MAP.1, pixels: pixels.clone() };
         let numbers = vec![
@@ -100,7 +100,7 @@ fn diffuse(map: &LinearImage, truth: &LinearImage) -> f64 {
 fn exposed(map: LinearImage) -> LinearImage {
     let (mut sum, mut weights) = (0.0, 0.0);
     for (i, p) in map.pixels.iter().enumerate() {
-        let solid = (std::f64::consts::PI * ((i / map.width) as f64 + 0.5) / map.height as f64).sin();
+        let solid = solid_angle(i / map.width, map.height);
         let luminance = 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
         sum += solid * luminance.max(1e-6).ln();
         weights += solid;
@@ -122,7 +122,7 @@ fn around() -> Vec<Rigid> {
 /// A far frame of the panorama, onto the anchors.
 fn shoot(panorama: &LinearImage, view: &Rigid, far: &mut FarField<1280>) -> Result<(), BenchError> {
     let k = Intrinsics::from_fov(FIELD as f32, FRAME.0, FRAME.1)?;
-    let pose: Pose = core_pose(view);
+    let pose = core_pose(view).unwrap_or_default();
     let mut pixels = vec![[0.0_f32; 3]; FRAME.0 * FRAME.1];
     for (i, pixel) in pixels.iter_mut().enumerate() {
         for ray in 0..RAYS * RAYS {
@@ -146,7 +146,7 @@ fn blurred(map: &LinearImage) -> LinearImage {
     const REACH: f32 = 0.906;
     let directions: Vec<(Vec3, f32)> = (0..map.width * map.height)
         .map(|i| {
-            let solid = (std::f64::consts::PI * ((i / map.width) as f64 + 0.5) / map.height as f64).sin();
+            let solid = solid_angle(i / map.width, map.height);
             (direction_of_pixel(i % map.width, i / map.width, (map.width, map.height)), solid as f32)
         })
         .collect();

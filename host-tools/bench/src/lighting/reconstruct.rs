@@ -13,11 +13,11 @@ use isobath::lighting::near::{NearField, NearMemory, NearParams};
 use isobath::lighting::preset::MOST_VIEWS;
 use isobath::lighting::registration::{Progress, Registration, RegistrationParams, scratch_len};
 use isobath::sensing::depth::noise::DepthNoise;
-use isobath::sensing::frame::DepthFrame;
 use isobath_sim::{LinearImage, V3};
 
-use super::sights::{Sight, vec3};
+use super::sights::Sight;
 use crate::BenchError;
+use crate::input::vec3;
 
 /// How a map is made.
 #[derive(Debug, Clone, Copy)]
@@ -51,11 +51,7 @@ fn register(near: &mut NearField<'_>, map: &MapFrame) -> Result<(), BenchError> 
     let (width, height) = near.preset().view;
     let mut memory = vec![0.0; MOST_VIEWS * scratch_len(width, height)];
     let mut views = Registration::<MOST_VIEWS>::new(&mut memory, RegistrationParams::default());
-    for slot in 0..near.len() {
-        let (Some(view), Some(depth)) = (near.view(slot), near.depth(slot)) else { continue };
-        let frame = DepthFrame::new(depth, view.unit, view.intrinsics).with_pose(view.pose);
-        views.set(slot, &frame, &DepthNoise::NONE).map_err(BenchError::core)?;
-    }
+    near.prepare(&mut views, &DepthNoise::NONE).map_err(BenchError::core)?;
     views.start(&[0]).map_err(BenchError::core)?;
     while views.step(usize::MAX) == Progress::Working {}
     for slot in 1..near.len() {

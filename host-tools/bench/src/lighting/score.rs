@@ -106,8 +106,8 @@ fn ball(a: &LinearImage, b: &LinearImage, size: usize) -> Alike {
     Alike { psnr, ssim }
 }
 
-/// Up to a common factor.
-fn solid_angle(row: usize, rows: usize) -> f64 {
+/// Of a pixel in a row of a map, up to a common factor.
+pub(super) fn solid_angle(row: usize, rows: usize) -> f64 {
     (std::f64::consts::PI * (row as f64 + 0.5) / rows as f64).sin()
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use isobath::glam::{Quat, Vec3};
+use isobath::glam::Vec3;
 use isobath::ground::colour::Colour;
 use isobath::ground::image::ImageView;
 use isobath::ground::units::Timestamp;
@@ -11,9 +11,10 @@ use isobath::lighting::policy::guided::{Directions, Guide, GuideParams};
 use isobath::sensing::camera::{Intrinsics, Pose};
 use isobath::sensing::depth::DepthUnit;
 use isobath::sensing::frame::DepthFrame;
-use isobath_sim::{LinearImage, Rigid, Scene, SimCamera, V3, v3};
+use isobath_sim::{LinearImage, Rigid, Scene, SimCamera, V3, core_pose, v3};
 
 use crate::BenchError;
+use crate::input::vec3;
 
 /// Horizontal field of view of all cameras, radians: a phone's.
 pub(super) const FIELD: f64 = 1.1;
@@ -30,16 +31,6 @@ pub(super) struct Sight {
     pub(super) pose: Pose,
 }
 
-/// The core's pose.
-pub(super) fn core_pose(pose: &Rigid) -> Pose {
-    let [x, y, z, w] = pose.rotation.quaternion().map(|v| v as f32);
-    Pose::new(Quat::from_xyzw(x, y, z, w), vec3(pose.translation)).unwrap_or_default()
-}
-
-pub(super) fn vec3(v: V3) -> Vec3 {
-    Vec3::new(v.x as f32, v.y as f32, v.z as f32)
-}
-
 impl Sight {
     /// Renders a view, one ray a pixel.
     pub(super) fn new(scene: &Scene, size: (usize, usize), pose: &Rigid) -> Result<Self, BenchError> {
@@ -52,7 +43,7 @@ impl Sight {
             rgb: scene.to_srgb(&colour),
             size,
             intrinsics: Intrinsics::from_fov(FIELD as f32, size.0, size.1)?,
-            pose: core_pose(pose),
+            pose: core_pose(pose).unwrap_or_default(),
         })
     }
 

@@ -15,8 +15,9 @@ use isobath_sim::{Scene, orbit_stations};
 
 use super::reconstruct::NearBox;
 use super::report::Line;
-use super::sights::{FAR, Sight, guided, vec3};
+use super::sights::{FAR, Sight, guided};
 use crate::BenchError;
+use crate::input::vec3;
 use crate::measure::{Effort, alternating};
 use crate::row::{Method, Score};
 

@@ -2,15 +2,15 @@
 
 use std::hint::black_box;
 
-use isobath::glam::{Mat3, Quat, Vec3};
+use isobath::glam::{Quat, Vec3};
 use isobath::ground::image::ImageView;
 use isobath::lighting::registration::{Outcome, Progress, Registration, RegistrationParams, ViewReport, scratch_len};
 use isobath::sensing::camera::Pose;
 use isobath::sensing::depth::{DepthSample, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
-use isobath_sim::{Rigid, Trajectory};
+use isobath_sim::{Rigid, Trajectory, core_pose};
 
-use crate::input::{Depth, Input, Random, Sensor, vec3};
+use crate::input::{Depth, Input, Random, Sensor};
 use crate::row::{Measure, Method, Row, Score};
 
 /// Five views on a walk, the first where it is, the others 5 cm and 5 degrees off in random directions.
@@ -62,12 +62,6 @@ struct Views<'a> {
     tracked: Vec<Vec<Pose>>,
 }
 
-fn pose(place: &Rigid) -> Pose {
-    let axes = &place.rotation;
-    let rotation = Quat::from_mat3(&Mat3::from_cols(vec3(axes.x), vec3(axes.y), vec3(axes.z)));
-    Pose::new(rotation, vec3(place.translation)).unwrap_or(Pose::IDENTITY)
-}
-
 fn direction(random: &mut Random) -> Vec3 {
     loop {
         let v = Vec3::from_array([(); 3].map(|()| random.between(-1.0, 1.0) as f32));
@@ -86,7 +80,7 @@ impl<'a> Views<'a> {
             input.sensor.sense(&truth, &input.camera, input.seed, i as u64)
         });
         let depth = depth.collect();
-        let truth: Vec<Pose> = places.iter().map(pose).collect();
+        let truth: Vec<Pose> = places.iter().map(|p| core_pose(p).unwrap_or(Pose::IDENTITY)).collect();
         let mut random = Random::new(input.seed ^ 0xd21f);
         let mut drifted = |(i, p): (usize, &Pose)| {
             if i == 0 {
