@@ -3,4 +3,5 @@
 pub mod camera;
 pub mod depth;
 pub mod frame;
+pub mod imu;
 pub mod points;

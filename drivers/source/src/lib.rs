@@ -8,6 +8,8 @@
 //! | file | idea |
 //! |---|---|
 //! | [`source`] | the traits: the next frame of a stream; any frame of a recording |
+//! | [`inertial`] | the traits of inertial sensors and of whoever knows poses |
+//! | [`stats`] | what became of a stream's frames, in numbers that add up |
 //! | [`frame`] | a frame that owns its pixels, reused from call to call; `u16` and `f32` depth without converting |
 //! | [`error`] | what can go wrong, whether it ends the stream, and what to do about it |
 //! | [`clock`] | the host's time and deadlines, apart from the frames' own time |
@@ -18,9 +20,13 @@
 pub mod clock;
 pub mod error;
 pub mod frame;
+pub mod inertial;
 pub mod source;
+pub mod stats;
 
 pub use clock::{Clock, Deadline, HostNanos, SystemClock};
 pub use error::SourceError;
 pub use frame::{AnyFrame, DepthPixels, FrameVisitor, OwnedFrame};
-pub use source::{DepthSource, Outcome, Recording, SourceInfo};
+pub use inertial::{ImuInfo, ImuOutcome, ImuSource, PoseSource, StampedPose};
+pub use source::{DepthSource, Gap, GapCause, Outcome, Recording, SourceInfo};
+pub use stats::StreamStats;

@@ -8,6 +8,7 @@ use isobath::sensing::camera::Intrinsics;
 use crate::clock::Deadline;
 use crate::error::SourceError;
 use crate::frame::OwnedFrame;
+use crate::stats::StreamStats;
 
 /// What came of asking for a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +21,29 @@ pub enum Outcome {
     EndOfStream,
     /// The deadline passed first; the frame is left as it was. The stream is unharmed: ask again.
     TimedOut,
+    /// The stream broke and goes on; the frame is left as it was. Ask again for the first frame after the gap.
+    Recovered(Gap),
+}
+
+/// A hole in a stream that is whole again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Gap {
+    /// What broke it.
+    pub cause: GapCause,
+    /// Frames that did not come, when the device's or the kernel's counters tell.
+    pub lost: Option<u64>,
+}
+
+/// Why frames are missing from a stream that goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum GapCause {
+    /// The link failed (a stalled endpoint, lost packets, an input-output error) and the stream was started again.
+    Link,
+    /// The device was unplugged and is back.
+    Replugged,
+    /// The device's clock or counter jumped: it was reset.
+    Reset,
 }
 
 /// What a source is, and what it will give.
@@ -47,6 +71,28 @@ pub struct SourceInfo {
 pub trait DepthSource {
     /// What the source is.
     fn info(&self) -> &SourceInfo;
+
+    /// Begins to deliver, with every buffer made; [`Self::next_into`] allocates nothing after this once `frame` has its size. Recordings
+    /// need no start, and a live source that was not started starts with the first frame asked for. Starting twice changes nothing.
+    ///
+    /// # Errors
+    /// [`SourceError`]: the device is busy, gone, or refuses the format.
+    fn start(&mut self) -> Result<(), SourceError> {
+        Ok(())
+    }
+
+    /// Ends the stream and gives the device's buffers back. Stopping twice changes nothing; [`Self::start`] starts anew.
+    ///
+    /// # Errors
+    /// [`SourceError`]; the stream is stopped all the same.
+    fn stop(&mut self) -> Result<(), SourceError> {
+        Ok(())
+    }
+
+    /// What became of the frames so far. Sources that can't lose frames say so with zeros.
+    fn stats(&self) -> StreamStats {
+        StreamStats::default()
+    }
 
     /// Fills `frame` with the next one, waiting until `deadline` at most. Buffers in `frame` are reused.
     ///
