@@ -20,7 +20,7 @@ pub use decode::{depth16, disparity, key_frame, metres, projective, rvl, u16_byt
 pub use features::features;
 pub use lighting::lighting;
 pub use localized::localized;
-pub use parsers::{camera_file, depth_png, lists, npy, pgm};
+pub use parsers::{camera_file, container, depth_png, lists, message, npy, pgm};
 pub use sensing::{camera, pose, pyramid, rectify};
 
 /// One target: its name and its body.
@@ -47,6 +47,8 @@ pub const TARGETS: &[Target] = &[
     ("parse_depth_png", depth_png),
     ("parse_camera_file", camera_file),
     ("parse_lists", lists),
+    ("decode_message", message),
+    ("open_messages", container),
 ];
 
 /// A number of the kind that breaks things more often than chance would: special values, camera-like values, any bits.
