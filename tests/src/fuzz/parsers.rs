@@ -1,7 +1,7 @@
 //! The parsers of recordings: files and lists of any content. An error must say something; what is accepted must hold together.
 
 use isobath_recording::parse::{
-    self, NpyData, ParseError, RawImage, RawPixels, decode_depth_png, parse_npy, parse_pgm, parse_pose_list,
+    self, NpyData, ParseError, RawImage, RawPixels, decode_depth_png, parse_imu_csv, parse_npy, parse_pgm, parse_pose_list,
     parse_pose_matrix, parse_trajectory_log, parse_tum_list, parse_tum_poses,
 };
 use isobath_recording::{CameraFile, OpenOptions, open_bytes};
@@ -107,6 +107,7 @@ pub fn lists(data: &[u8]) {
         assert!(speaks(parse_tum_poses(text)).is_none_or(|l| l.len() <= lines));
         assert!(speaks(parse_trajectory_log(text)).is_none_or(|l| l.len() <= lines));
         assert!(speaks(parse_pose_list(text)).is_none_or(|l| l.len() <= lines));
+        assert!(speaks(parse_imu_csv(text)).is_none_or(|l| l.len() <= lines));
         let _ = speaks(parse_pose_matrix(text));
     }
 }
