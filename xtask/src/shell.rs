@@ -123,7 +123,8 @@ impl Cmd {
     /// line with something in it.
     pub(crate) fn stream(mut self) -> Result<(Option<i32>, String)> {
         let line = self.line();
-        let mut child = self.command.stdout(Stdio::piped()).spawn().with_context(|| format!("could not start `{line}`"))?;
+        let mut child =
+            self.command.stdout(Stdio::piped()).spawn().with_context(|| format!("could not start `{line}`"))?;
         let mut from = child.stdout.take().context("its output is a pipe")?;
         let (mut bytes, mut last, mut current) = ([0; 4096], String::new(), Vec::new());
         let mut to = std::io::stdout().lock();

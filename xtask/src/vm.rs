@@ -33,7 +33,22 @@ pub(crate) fn verb(args: Vec<String>) -> Result<()> {
 pub(crate) fn run() -> Result<()> {
     prepare()?;
     Cmd::new("cargo").arg("clippy").args(PACKAGE).args(["--all-targets", "--", "-D", "warnings"]).run()?;
+    control()?;
     test(&["--test", "*"], &[])
+}
+
+/// A guest whose program fails must fail, with its status; one whose kernel dies must not pass.
+fn control() -> Result<()> {
+    println!("negative controls: a program that ends with status 5, a kernel that panics");
+    match Job::default().boot("exit 5\n") {
+        Ok(5) => {}
+        other => bail!("the first control gave {other:?}"),
+    }
+    match Job::default().boot("echo c > /proc/sysrq-trigger\n") {
+        Err(why) => println!("both fail as they must ({why})"),
+        Ok(code) => bail!("a guest whose kernel died ended with {code}"),
+    }
+    Ok(())
 }
 
 /// What builds and boots need, asked for before minutes go into building.

@@ -60,7 +60,6 @@ impl Job {
         Ok(())
     }
 
-
     /// The guest's console is this terminal.
     pub(super) fn interactive(&mut self) {
         self.interactive = true;
@@ -82,7 +81,8 @@ impl Job {
         bytes.extend(self.archive.finish());
         fs::write(&files, bytes)?;
 
-        let console = "console=ttyS0 quiet loglevel=4 panic=-1 mitigations=off nokaslr tsc=reliable random.trust_cpu=on";
+        let console =
+            "console=ttyS0 quiet loglevel=4 panic=-1 mitigations=off nokaslr tsc=reliable random.trust_cpu=on";
         let mut qemu = Cmd::new("timeout");
         if self.interactive {
             qemu = qemu.arg("--foreground").terminal();
