@@ -1,3 +1,4 @@
 //! The simulated devices.
 
+pub mod d435;
 pub mod generic;
