@@ -2,3 +2,4 @@
 
 pub mod d435;
 pub mod generic;
+pub mod kinect;
