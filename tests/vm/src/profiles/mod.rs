@@ -2,4 +2,5 @@
 
 pub mod d435;
 pub mod generic;
+pub mod headset;
 pub mod kinect;
