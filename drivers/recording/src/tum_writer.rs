@@ -164,12 +164,8 @@ impl TumWriter {
         let steps = Steps { ratio: f64::from(frame.unit.metres()) / f64::from(self.options.step.metres()) };
         self.bytes.clear();
         match frame.depth() {
-            DepthPixels::U16(v) => {
-                steps.write(v.iter().map(|v| v.is_valid().then_some(f64::from(*v))), &mut self.bytes, &mut self.report)
-            }
-            DepthPixels::F32(v) => {
-                steps.write(v.iter().map(|v| v.is_valid().then_some(f64::from(*v))), &mut self.bytes, &mut self.report)
-            }
+            DepthPixels::U16(v) => steps.write(v, &mut self.bytes, &mut self.report),
+            DepthPixels::F32(v) => steps.write(v, &mut self.bytes, &mut self.report),
         }
         png(
             &self.folder.join("depth").join(&name),
@@ -271,12 +267,12 @@ struct Steps {
 
 impl Steps {
     /// Big-endian, as PNG has it.
-    fn write(&self, values: impl Iterator<Item = Option<f64>>, out: &mut Vec<u8>, report: &mut TumReport) {
-        for value in values {
+    fn write<D: DepthSample + Into<f64>>(&self, values: &[D], out: &mut Vec<u8>, report: &mut TumReport) {
+        for &value in values {
             let step = match value {
-                None => 0,
-                Some(v) => {
-                    let exact = v * self.ratio;
+                _ if !value.is_valid() => 0,
+                v => {
+                    let exact = v.into() * self.ratio;
                     let step = exact.round();
                     if step > 65_534.0 {
                         report.too_far += 1;

@@ -1,8 +1,8 @@
 //! The parsers of recordings: files and lists of any content. An error must say something; what is accepted must hold together.
 
 use isobath_recording::parse::{
-    self, NpyData, ParseError, RawImage, RawPixels, decode_depth_png, parse_imu_csv, parse_npy, parse_pgm, parse_pose_list,
-    parse_pose_matrix, parse_trajectory_log, parse_tum_list, parse_tum_poses,
+    self, NpyData, ParseError, RawImage, RawPixels, decode_depth_png, parse_imu_csv, parse_npy, parse_pgm,
+    parse_pose_list, parse_pose_matrix, parse_trajectory_log, parse_tum_list, parse_tum_poses,
 };
 use isobath_recording::{CameraFile, OpenOptions, open_bytes};
 use isobath_source::{Deadline, Outcome, OwnedFrame};
