@@ -202,7 +202,7 @@ impl UsbDevice for FakeDevice {
     }
 
     fn bulk_in(&mut self, endpoint: u8, data: &mut [u8], timeout: Duration) -> Result<usize, UsbError> {
-        assert!(endpoint == 0x81 && data.len() % 1024 == 0, "a packet may be cut");
+        assert!(endpoint == 0x81 && data.len().is_multiple_of(1024), "a packet may be cut");
         let mut world = self.fake.world();
         world.there(self.address)?;
         if world.halted {
