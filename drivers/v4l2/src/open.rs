@@ -100,12 +100,11 @@ fn look<O: V4l2Open>(opener: &O, path: &Path, node: Option<Node>) -> Result<Open
     Ok(Opened { sys, kind, place, node, formats, card: cap.card })
 }
 
+/// A depth node, its format, and what to tell about the choice.
+type Chosen<S> = (Opened<S>, Pixels, Vec<String>);
+
 /// The node with depth: the one at `path`, or another of the same USB device.
-fn depth_node<O: V4l2Open>(
-    opener: &O,
-    path: &Path,
-    options: &OpenOptions,
-) -> Result<(Opened<O::Sys>, Pixels, Vec<String>), SourceError> {
+fn depth_node<O: V4l2Open>(opener: &O, path: &Path, options: &OpenOptions) -> Result<Chosen<O::Sys>, SourceError> {
     let node = options.roots.find(path);
     let opened = look(opener, path, node)?;
     if opened.kind != Kind::Meta

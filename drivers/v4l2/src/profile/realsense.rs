@@ -120,7 +120,7 @@ pub fn inspect(sys: &mut impl V4l2Sys, model: Model, (width, height): (u32, u32)
             facts.intrinsics = Some(k);
             match origin {
                 Origin::Scaled => {
-                    note.push(format!("intrinsics at {w}x{h} are scaled from the camera's largest image"))
+                    note.push(format!("intrinsics at {w}x{h} are scaled from the camera's largest image"));
                 }
                 Origin::Ideal => note.push(
                     "the camera has no calibration of its own: intrinsics are its design's, right only about".into(),
