@@ -33,7 +33,8 @@ impl fmt::Display for Missing {
 
 impl std::error::Error for Missing {}
 
-fn missing(what: &str, why: &str, how: &str) -> anyhow::Error {
+/// The error of a tool that is missing: what, what for, and the command that would get it.
+pub(crate) fn missing(what: &str, why: &str, how: &str) -> anyhow::Error {
     anyhow!(Missing { what: what.into(), why: why.into(), how: how.into() })
 }
 

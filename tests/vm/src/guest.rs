@@ -78,3 +78,35 @@ pub fn resident_kb() -> u64 {
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
+
+/// Reads `count` frames with `v4l2-ctl`, which is not ours, in the format of this four-letter code: their bytes, as the kernel gave them.
+///
+/// # Panics
+/// When it fails: the test has failed.
+#[must_use]
+pub fn read_by_v4l2_ctl(node: &Path, code: &str, (width, height): (usize, usize), count: usize) -> Vec<u8> {
+    let format = format!("--set-fmt-video=width={width},height={height},pixelformat={code}");
+    let out = Command::new("v4l2-ctl")
+        .arg("-d")
+        .arg(node)
+        .args([&format, "--stream-mmap=4", &format!("--stream-count={count}"), "--stream-to=/tmp/frames"])
+        .output()
+        .expect("v4l2-ctl is in the guest");
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    fs::read("/tmp/frames").expect("v4l2-ctl wrote frames")
+}
+
+/// The folder of the industrial-IO device of this name: `accel_3d`.
+#[must_use]
+pub fn iio_device(name: &str) -> PathBuf {
+    wait_for(name, || {
+        let entries = fs::read_dir("/sys/bus/iio/devices").into_iter().flatten().flatten();
+        let mut folders = entries.map(|entry| entry.path());
+        folders.find(|path| text(path.join("name")).as_deref() == Some(name) && path.join("buffer").is_dir())
+    })
+}
+
+/// What a sensor hub needs.
+pub fn motion_modules() {
+    modprobe(&["usbhid", "hid-generic", "hid-sensor-hub", "hid-sensor-accel-3d", "hid-sensor-gyro-3d"]);
+}

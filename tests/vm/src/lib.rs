@@ -12,6 +12,7 @@
 //! |---|---|
 //! | [`usb`] | what every device does: descriptors, standard requests, transfers; plugging in |
 //! | [`uvc`] | a camera: negotiation, payloads, extension units, faults tied to frames |
+//! | [`hid`] | an accelerometer and a gyroscope as a HID sensor hub |
 //! | [`pattern`] | what cameras see: every pixel of every frame known |
 //! | [`profiles`] | the devices |
 //! | `guest` | modules, nodes, programs (feature `guest`) |
@@ -20,6 +21,7 @@
 
 #[cfg(feature = "guest")]
 pub mod guest;
+pub mod hid;
 pub mod pattern;
 pub mod profiles;
 pub mod usb;

@@ -1,26 +1,16 @@
 //! Depth cameras of no maker, read through the kernel's camera driver.
 
-use std::fs;
 use std::path::Path;
-use std::process::Command;
 
-use isobath_vm::guest::{camera_modules, first_video_node};
+use isobath_vm::guest::{camera_modules, first_video_node, read_by_v4l2_ctl};
 use isobath_vm::pattern;
 use isobath_vm::profiles::generic::Generic;
 use isobath_vm::usb::{Plugged, Speed};
 use isobath_vm::uvc::Transport;
 
-/// Reads frames with `v4l2-ctl`, which is not ours: their numbers. Any wrong pixel fails.
-fn read_by_v4l2_ctl(node: &Path, (width, height): (usize, usize), count: usize) -> Vec<u64> {
-    let format = format!("--set-fmt-video=width={width},height={height},pixelformat=Z16 ");
-    let out = Command::new("v4l2-ctl")
-        .arg("-d")
-        .arg(node)
-        .args([&format, "--stream-mmap=4", &format!("--stream-count={count}"), "--stream-to=/tmp/frames"])
-        .output()
-        .unwrap();
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    let bytes = fs::read("/tmp/frames").unwrap();
+/// The numbers of frames read by a program that is not ours. Any wrong pixel fails.
+fn numbers(node: &Path, (width, height): (usize, usize), count: usize) -> Vec<u64> {
+    let bytes = read_by_v4l2_ctl(node, "Z16 ", (width, height), count);
     let pixels: Vec<u16> = bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
     let frames = pixels.chunks(width * height);
     frames.map(|frame| pattern::recognise(frame, width).expect("every pixel is right")).collect()
@@ -31,7 +21,7 @@ fn pixels_are_right(serial: &str, speed: Speed, transport: Transport) {
     let camera = Plugged::new(Generic::new(serial, speed, transport, &[(640, 480), (320, 240)])).unwrap();
     let node = first_video_node(serial);
     for size in [(640, 480), (320, 240)] {
-        let numbers = read_by_v4l2_ctl(&node, size, 5);
+        let numbers = numbers(&node, size, 5);
         assert_eq!(numbers.len(), 5);
         assert!(numbers.is_sorted(), "{numbers:?}");
         assert_eq!(camera.device().stream().size(), size);

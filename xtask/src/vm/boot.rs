@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail};
 
 use super::archive::Archive;
 use super::kernel::Kernel;
-use crate::shell::{Cmd, ensure_debian, root};
+use crate::shell::{Cmd, ensure_debian, missing, root};
 
 /// A guest that hangs is stopped after this many seconds of the host's time.
 const PATIENCE: &str = "600";
@@ -22,10 +22,10 @@ const MEMORY: &str = "640";
 
 /// Makes sure of what a boot needs.
 pub(super) fn ensure() -> Result<()> {
-    if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
-        bail!("the guest runs this machine's programs: that works on x86-64 Linux only");
-    }
     let why = "running the drivers on a kernel with simulated cameras";
+    if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
+        return Err(missing("x86-64 Linux", why, "another machine: the guest runs this one's programs"));
+    }
     ensure_debian("qemu-system-x86_64", "qemu-system-x86", why)?;
     ensure_debian("busybox", "busybox-static", why)
 }

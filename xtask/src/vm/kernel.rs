@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 
 use super::archive::Archive;
-use crate::shell::{Cmd, ensure_apt, ensure_debian};
+use crate::shell::{Cmd, ensure_apt, ensure_debian, missing};
 
 /// What the tests load by name: the simulated host controller, cameras, the sensors of a HID motion module, virtual cameras, devices
 /// written by function file system.
@@ -42,24 +42,41 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    /// The newest one that Debian has, or that was fetched before when Debian can't be asked.
+    /// The newest one that Debian has; one that was fetched before when that can't be had.
     pub(super) fn get(folder: &Path) -> Result<Self> {
         fs::create_dir_all(folder)?;
-        let fetched = fs::read_to_string(folder.join("package")).unwrap_or_default();
-        let package = match newest() {
-            Some(newest) => newest,
-            None if !fetched.is_empty() => fetched.clone(),
-            None => {
-                ensure_apt(WHY)?;
-                newest().context("apt knows no package linux-image-amd64: run `apt-get update`")?
-            }
-        };
-        let kernel = Self { package, folder: folder.to_owned() };
-        if !kernel.image().is_file() || !kernel.modules().is_dir() {
-            kernel.fetch()?;
-            fs::write(folder.join("package"), &kernel.package)?;
+        let of = |package| Self { package, folder: folder.to_owned() };
+        let fetched = of(fs::read_to_string(folder.join("package")).unwrap_or_default());
+        if fetched.is_there() && newest().is_none_or(|newest| newest == fetched.package) {
+            return Ok(fetched);
         }
-        Ok(kernel)
+        let fetch = || -> Result<Self> {
+            ensure_debian("dpkg-deb", "dpkg", WHY)?;
+            let first = newest().map(of).map(|kernel| kernel.fetch().map(|()| kernel));
+            if let Some(Ok(kernel)) = first {
+                return Ok(kernel);
+            }
+            // What apt knows may be out of date.
+            ensure_apt(WHY)?;
+            let package = newest().ok_or_else(|| missing("linux-image-amd64", WHY, "apt-get update (as root)"))?;
+            let kernel = of(package);
+            kernel.fetch().map(|()| kernel)
+        };
+        match fetch() {
+            Ok(kernel) => {
+                fs::write(folder.join("package"), &kernel.package)?;
+                Ok(kernel)
+            }
+            Err(why) if fetched.is_there() => {
+                println!("using {}, fetched earlier: {why:#}", fetched.package);
+                Ok(fetched)
+            }
+            Err(why) => Err(why),
+        }
+    }
+
+    fn is_there(&self) -> bool {
+        !self.package.is_empty() && self.image().is_file() && self.modules().is_dir()
     }
 
     /// The bootable file.
@@ -79,10 +96,13 @@ impl Kernel {
     }
 
     fn fetch(&self) -> Result<()> {
-        ensure_debian("dpkg-deb", "dpkg", WHY)?;
-        ensure_debian("tar", "tar", WHY)?;
         println!("fetching {} (70 MB, once)", self.package);
-        Cmd::new("apt-get").args(["download", "-qq", &self.package]).dir(&self.folder).run()?;
+        let user = "APT::Sandbox::User=root"; // the folder is ours, not apt's user's
+        let download = Cmd::new("apt-get").args(["download", "-qq", "-o", user, &self.package]).dir(&self.folder);
+        if download.run().is_err() {
+            let how = format!("apt-get download {} (it needs Debian's mirror)", self.package);
+            return Err(missing(&self.package, WHY, &how));
+        }
         let prefix = format!("{}_", self.package);
         let deb = files(&self.folder)?.into_iter().find(|f| f.file_name().is_some_and(|n| starts(n, &prefix)));
         let deb = deb.context("apt-get download left no package")?;

@@ -12,10 +12,12 @@ use std::time::Duration;
 
 pub mod descriptor;
 pub mod engine;
+#[cfg(unix)]
 pub mod port;
 pub mod usbip;
 
 pub use descriptor::{Configuration, Endpoint, Identity, Kind, Speed};
+#[cfg(unix)]
 pub use port::Plugged;
 
 /// Linux's error numbers, as they travel in USB/IP.
