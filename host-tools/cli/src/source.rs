@@ -10,13 +10,13 @@ use isobath::sensing::frame::DepthFrame;
 use isobath_recording::{ImuRecording, OpenOptions, open_imu};
 use isobath_sim::{SimOptions, SimSource};
 use isobath_source::{
-    Clock as _, Deadline, DepthSource, Outcome as Read, OwnedFrame, Recording, SourceError, SourceInfo, StreamStats,
-    SystemClock, with_frame,
+    Clock as _, Deadline, DepthSource, ImuSource, Outcome as Read, OwnedFrame, Recording, SourceError, SourceInfo,
+    StreamStats, SystemClock, with_frame,
 };
 
 use crate::args::{FrameArgs, SourceArgs};
 use crate::failure::{Failure, Outcome};
-use crate::live;
+use crate::live::{self, Camera};
 
 /// How the up direction became known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -62,7 +62,7 @@ enum From {
     /// In any order, and it ends.
     Recording(Box<dyn Recording>),
     /// One after the other, for as long as it is plugged in. How many were read.
-    Live(Box<dyn DepthSource>, usize),
+    Live(Camera, usize),
 }
 
 /// An opened source.
@@ -88,6 +88,15 @@ const MOST_FAILURES: usize = 100;
 
 impl Source {
     pub(crate) fn open(args: &SourceArgs) -> Outcome<Self> {
+        Self::open_as(args, false)
+    }
+
+    /// Opens a source to be recorded: a camera that is faster than the disk queues its frames instead of passing over them.
+    pub(crate) fn open_every(args: &SourceArgs) -> Outcome<Self> {
+        Self::open_as(args, true)
+    }
+
+    fn open_as(args: &SourceArgs, every: bool) -> Outcome<Self> {
         let mut options = OpenOptions { camera: args.camera.clone(), ..OpenOptions::default() };
         let set = &mut options.set;
         if let Some([fx, fy, cx, cy]) = args.intrinsics {
@@ -117,7 +126,9 @@ impl Source {
                 }
                 file(path)?
             }
-            Some((kind @ ("v4l2" | "usb"), device)) => (From::Live(live::open(kind, device, &options)?, 0), None),
+            Some((kind @ ("v4l2" | "usb"), device)) => {
+                (From::Live(live::open(kind, device, &options, every)?, 0), None)
+            }
             _ => file(&args.src)?,
         };
         let up = match args.up {
@@ -144,7 +155,7 @@ impl Source {
     pub(crate) fn info(&self) -> &SourceInfo {
         match &self.from {
             From::Recording(r) => r.info(),
-            From::Live(s, _) => s.info(),
+            From::Live(c, _) => c.depth().info(),
         }
     }
 
@@ -160,7 +171,7 @@ impl Source {
     pub(crate) fn stats(&self) -> StreamStats {
         match &self.from {
             From::Recording(r) => r.stats(),
-            From::Live(s, _) => s.stats(),
+            From::Live(c, _) => c.depth().stats(),
         }
     }
 
@@ -168,6 +179,14 @@ impl Source {
     pub(crate) fn imu(&self) -> Outcome<Option<ImuRecording>> {
         let Some(path) = &self.path else { return Ok(None) };
         open_imu(path).map_err(|e| failure(&e, &path.display()))
+    }
+
+    /// The camera's own inertial sensor.
+    pub(crate) fn live_imu(&mut self) -> Option<&mut dyn ImuSource> {
+        match &mut self.from {
+            From::Recording(_) => None,
+            From::Live(camera, _) => camera.imu(),
+        }
     }
 
     /// Reads frame `index`, from 0. A live source can't go back: it passes over frames up to that number, or gives the next one.
@@ -186,8 +205,8 @@ impl Source {
                     }
                 }
             }
-            From::Live(source, read) => loop {
-                wait(source.as_mut(), frame).map_err(|f| f.at(&place))?;
+            From::Live(camera, read) => loop {
+                wait(camera.depth_mut(), frame).map_err(|f| f.at(&place))?;
                 *read += 1;
                 if *read > index {
                     return Ok(());
@@ -286,5 +305,71 @@ pub(crate) fn failure(error: &SourceError, place: &impl std::fmt::Display) -> Fa
             .at(place)
             .advise(format!("give a frame from 0 to {}", len.saturating_sub(1))),
         other => Failure::of(other, place),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isobath_source::{Gap, GapCause, LinkKind};
+
+    /// A camera that says what it is told to, then numbers its frames.
+    struct Scripted {
+        info: SourceInfo,
+        script: Vec<Result<Read, SourceError>>,
+        frames: u64,
+    }
+
+    impl DepthSource for Scripted {
+        fn info(&self) -> &SourceInfo {
+            &self.info
+        }
+
+        fn next_into(&mut self, frame: &mut OwnedFrame, _: Deadline) -> Result<Read, SourceError> {
+            let said = if self.script.is_empty() { Ok(Read::Frame) } else { self.script.remove(0) };
+            if matches!(said, Ok(Read::Frame)) {
+                frame.sequence = self.frames;
+                self.frames += 1;
+            }
+            said
+        }
+    }
+
+    fn camera(script: Vec<Result<Read, SourceError>>) -> Source {
+        let info = SourceInfo {
+            kind: "scripted".into(),
+            path: "test".into(),
+            size: None,
+            intrinsics: OwnedFrame::new().intrinsics,
+            up: None,
+            has_colour: false,
+            has_poses: false,
+            notes: Vec::new(),
+        };
+        let camera = Camera::Depth(Box::new(Scripted { info, script, frames: 0 }));
+        Source { name: "v4l2:test".into(), from: From::Live(camera, 0), up: None, path: None }
+    }
+
+    #[test]
+    fn a_camera_passes_over_frames_and_never_goes_back() {
+        let link = SourceError::Link { path: "test".into(), kind: LinkKind::Stall, doing: "reading", error: None };
+        let gap = Gap { cause: GapCause::Link, lost: Some(3) };
+        let mut source = camera(vec![Err(link), Ok(Read::Recovered(gap)), Ok(Read::Frame)]);
+        assert_eq!(source.len(), None);
+        let mut frame = OwnedFrame::new();
+        for (asked, got) in [(2, 2), (0, 3), (4, 4), (4, 5)] {
+            source.read(asked, &mut frame).expect("a frame");
+            assert_eq!(frame.sequence, got, "asked for {asked}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_is_silent_or_gone_is_a_failure_with_advice() {
+        let mut frame = OwnedFrame::new();
+        let silent = camera(vec![Ok(Read::TimedOut)]).read(0, &mut frame).expect_err("nothing came").to_string();
+        assert!(silent.contains("no frame came within 5 s") && silent.contains("isobath devices"), "{silent}");
+        let gone = SourceError::Disconnected { device: "scripted".into() };
+        let gone = camera(vec![Err(gone)]).read(0, &mut frame).expect_err("unplugged").to_string();
+        assert!(gone.contains("disconnected"), "{gone}");
     }
 }

@@ -23,6 +23,7 @@ pub(crate) struct HowMuchArgs {
 #[command(after_help = "\
 Examples:
   isobath record v4l2:/dev/video0 --out desk.mcap --seconds 20
+  isobath record usb:kinect --out desk.mcap --imu auto
   isobath run desk.mcap
 
 Depth in the camera's own steps, to the bit; colour, confidence, intrinsics,
@@ -40,6 +41,10 @@ pub(crate) struct RecordArgs {
 
     #[command(flatten)]
     pub(crate) much: HowMuchArgs,
+
+    /// Record this inertial sensor with the camera: iio:deviceN as `isobath devices` has it, or auto (the first)
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "auto")]
+    pub(crate) imu: Option<String>,
 }
 
 #[derive(Debug, Args)]

@@ -34,7 +34,7 @@ fn known(vendor: u16, product: u16) -> Option<(&'static str, Result<&'static str
     const CLOSED: &str =
         "its depth is computed by a closed library on the host: record with the maker's viewer and convert";
     Some(match (vendor, product) {
-        (0x045e, 0x02ae) => ("Kinect v1 (camera)", Ok("kinect1")),
+        (0x045e, 0x02ae) => ("Kinect v1 (camera)", Ok("kinect")),
         (0x045e, 0x02c4 | 0x02d8 | 0x02d9) => {
             ("Kinect v2", Err("its depth needs decoding that is not there: use a recording"))
         }
@@ -170,7 +170,7 @@ fn look(sys: &Path, dev: &Path) -> Vec<Device> {
             place: dev.join(name_of(&device)).display().to_string(),
             usb: usb_of(&device),
             src: None,
-            can: vec![parts.join(", ")],
+            can: vec![format!("{}: record --imu {}", parts.join(", "), name_of(&device))],
             missing: Vec::new(),
         });
     }
@@ -178,9 +178,27 @@ fn look(sys: &Path, dev: &Path) -> Vec<Device> {
 }
 
 pub(crate) fn run(_: &DevicesArgs, say: &mut Say) -> Outcome {
-    let found = look(Path::new("/sys"), Path::new("/dev"));
+    #[allow(unused_mut, reason = "what it can be asked itself is known with the feature `live` only")]
+    let mut found = look(Path::new("/sys"), Path::new("/dev"));
+    #[cfg(feature = "live")]
+    ask(&mut found);
     tell(&found, say);
     Ok(())
+}
+
+/// Video nodes, asked themselves instead of guessed by their numbers.
+#[cfg(feature = "live")]
+fn ask(found: &mut Vec<Device>) {
+    found.retain(|d| d.sort != "camera");
+    found.extend(isobath_v4l2::devices().into_iter().map(|d| Device {
+        sort: "camera",
+        place: d.path.display().to_string(),
+        src: d.has_depth.then(|| format!("v4l2:{}", d.path.display())),
+        name: d.name,
+        usb: d.usb,
+        can: d.can,
+        missing: d.missing,
+    }));
 }
 
 fn tell(found: &[Device], say: &mut Say) {
@@ -293,10 +311,10 @@ mod tests {
         assert!(cameras[0].can[0].contains("its own unit"), "{cameras:?}");
         assert!(cameras[0].missing[0].contains("is not there"), "{cameras:?}");
         let sources: Vec<_> = of("usb").iter().map(|d| d.src.clone()).collect();
-        assert_eq!(sources, [Some("usb:kinect1".to_owned()), Some("usb:bulk".to_owned()), None]);
+        assert_eq!(sources, [Some("usb:kinect".to_owned()), Some("usb:bulk".to_owned()), None]);
         assert!(of("usb")[2].missing[0].contains("closed"));
         let imu = of("imu");
-        assert_eq!((imu.len(), imu[0].can[0].as_str()), (1, "angular rate"));
+        assert_eq!((imu.len(), imu[0].can[0].as_str()), (1, "angular rate: record --imu iio:device0"));
         assert_eq!(look(&root.join("nothing"), root), []);
     }
 }

@@ -6,12 +6,13 @@ use isobath::ground::units::Timestamp;
 use isobath::sensing::depth::DepthUnit;
 use isobath::sensing::imu::ImuSample;
 use isobath_recording::{ImuRecording, McapOptions, McapWriter, TumOptions, TumWriter};
-use isobath_source::{Clock as _, Deadline, ImuOutcome, ImuSource as _, OwnedFrame, SourceError, SystemClock};
+use isobath_source::{Clock as _, Deadline, HostNanos, ImuOutcome, ImuSource, OwnedFrame, SourceError, SystemClock};
 use serde_json::json;
 
 use crate::args::{ConvertArgs, HowMuchArgs, RecordArgs};
 use crate::commands::run::progress;
 use crate::failure::{Failure, Outcome};
+use crate::live;
 use crate::say::{Say, bytes, count};
 use crate::source::{Source, failure};
 use crate::stop::Stop;
@@ -20,8 +21,17 @@ use crate::stop::Stop;
 const MOST_FAILURES: usize = 100;
 
 pub(crate) fn record(args: &RecordArgs, say: &mut Say) -> Outcome {
-    let source = Source::open(&args.source)?;
-    copy("record", source, &args.out, &args.much, None, say)
+    let source = Source::open_every(&args.source)?;
+    let sensor = match args.imu.as_deref() {
+        Some(_) if source.len().is_some() => {
+            return Err(Failure::new("a recording's inertial readings are its own")
+                .at("--imu")
+                .advise("leave it out: they are recorded when there are some"));
+        }
+        Some(device) => Some(live::imu(device)?),
+        None => None,
+    };
+    copy("record", source, sensor, &args.out, &args.much, None, say)
 }
 
 pub(crate) fn convert(args: &ConvertArgs, say: &mut Say) -> Outcome {
@@ -32,7 +42,7 @@ pub(crate) fn convert(args: &ConvertArgs, say: &mut Say) -> Outcome {
             .advise("leave it out, or give a folder with --out"));
     }
     let source = Source::open(&args.source)?;
-    copy("convert", source, &args.out, &args.much, args.step, say)
+    copy("convert", source, None, &args.out, &args.much, args.step, say)
 }
 
 /// Where frames go.
@@ -133,6 +143,26 @@ impl Readings {
     }
 }
 
+/// Writes the readings that came since the last frame; waits for none.
+fn drain(imu: &mut dyn ImuSource, sink: &mut Sink, arrival: u64) -> Result<(), SourceError> {
+    let empty = ImuSample { time: Timestamp::ZERO, rate: Default::default(), force: Default::default(), field: None };
+    let mut some = [empty; 64];
+    // A sensor of 10 kHz has 400 of these between two frames; one that never stops talking must not keep the frames waiting.
+    for _ in 0..64 {
+        match imu.read(&mut some, Deadline::at(HostNanos(0))) {
+            Ok(ImuOutcome::Samples(n)) => {
+                for sample in some.iter().take(n) {
+                    sink.imu(sample, arrival)?;
+                }
+            }
+            Ok(ImuOutcome::Recovered(_)) => {}
+            // What ails the sensor, if it is the camera, the camera tells too.
+            _ => break,
+        }
+    }
+    Ok(())
+}
+
 /// Recordings arrive when they were taken.
 fn log_time(time: Timestamp) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(0)
@@ -141,6 +171,7 @@ fn log_time(time: Timestamp) -> u64 {
 fn copy(
     command: &str,
     mut source: Source,
+    mut sensor: Option<Box<dyn ImuSource>>,
     out: &Path,
     much: &HowMuchArgs,
     step: Option<f32>,
@@ -157,7 +188,7 @@ fn copy(
     // The first frame shows that there is one, before a file is made.
     let mut frame = OwnedFrame::new();
     let mut sink: Option<Sink> = None;
-    let (mut left_out, mut in_a_row) = (Vec::new(), 0);
+    let (mut left_out, mut in_a_row, mut frame_notes) = (Vec::new(), 0, Vec::new());
     let (mut first, mut last) = (None, Timestamp::ZERO);
     let mut ended: Option<Failure> = None;
     let bar = progress((wanted < u64::MAX).then_some(wanted as usize));
@@ -190,6 +221,18 @@ fn copy(
         };
         if let Some(readings) = &mut readings {
             readings.until(frame.time, to).map_err(|e| writing(&e))?;
+        }
+        for imu in [source.live_imu(), sensor.as_mut().map(|s| s.as_mut() as &mut dyn ImuSource)].into_iter().flatten()
+        {
+            drain(imu, to, arrival).map_err(|e| writing(&e))?;
+        }
+        for note in &frame.notes {
+            let room = frame_notes.len() < 20;
+            match frame_notes.iter_mut().find(|(n, _)| n == note) {
+                Some((_, count)) => *count += 1,
+                None if room => frame_notes.push((note.clone(), 1_u64)),
+                None => {}
+            }
         }
         match to.frame(&frame, if live { arrival } else { log_time(frame.time) }) {
             Ok(()) => {}
@@ -225,6 +268,9 @@ fn copy(
     say.fact("depth", if written.lossless { "to the bit" } else { "not all as it was: see below" });
     say.fact("written", &format!("{}, {}", out.display(), bytes(size as usize)));
     let mut notes: Vec<String> = source.info().notes.iter().chain(&written.notes).cloned().collect();
+    let several =
+        |(note, n): &(String, u64)| if *n == 1 { note.clone() } else { format!("{note} ({} frames)", count(*n)) };
+    notes.extend(frame_notes.iter().take(5).map(several));
     notes.extend(left_out.iter().take(5).cloned());
     if left_out.len() > 5 {
         notes.push(format!("{} more frames were left out", left_out.len() - 5));
