@@ -12,7 +12,9 @@ use isobath_source::{DepthSource, ImuSource};
 use crate::failure::Outcome;
 
 /// How to get them.
-pub(crate) const BUILD: &str = "build it so: cargo build --release --features live (Debian and Ubuntu: apt install libclang-dev first); recordings need nothing";
+pub(crate) const COMMAND: &str = "cargo build --release --features live";
+/// What that needs.
+pub(crate) const NEEDS: &str = "on Debian and Ubuntu `apt install libclang-dev`";
 
 /// Whether cameras can be opened.
 pub(crate) const BUILT: bool = cfg!(feature = "live");
@@ -59,17 +61,21 @@ pub(crate) use not_built::{imu, open};
 
 #[cfg(not(feature = "live"))]
 mod not_built {
-    use super::{BUILD, Camera, ImuSource, OpenOptions, Outcome};
+    use super::{COMMAND, Camera, ImuSource, NEEDS, OpenOptions, Outcome};
     use crate::failure::Failure;
+
+    fn advice() -> String {
+        format!("build one that has them: {COMMAND} ({NEEDS} first); or use a recording")
+    }
 
     /// Opens `v4l2:DEVICE` or `usb:KIND`; `every`: no frame is to be passed over.
     pub(crate) fn open(kind: &str, device: &str, _: &OpenOptions, _every: bool) -> Outcome<Camera> {
-        Err(Failure::new("this isobath was built without live cameras").at(format!("{kind}:{device}")).advise(BUILD))
+        Err(Failure::new("this isobath was built without live cameras").at(format!("{kind}:{device}")).advise(advice()))
     }
 
     /// Opens an inertial sensor of the kernel's.
     pub(crate) fn imu(device: &str) -> Outcome<Box<dyn ImuSource>> {
-        Err(Failure::new("this isobath was built without live sensors").at(format!("--imu {device}")).advise(BUILD))
+        Err(Failure::new("this isobath was built without live sensors").at(format!("--imu {device}")).advise(advice()))
     }
 }
 

@@ -231,7 +231,9 @@ fn tell(found: &[Device], say: &mut Say) {
         say.line("No camera, and no inertial sensor, is plugged in that the kernel knows.");
     }
     if !live::BUILT {
-        say.remark(&format!("This isobath opens no cameras: {}.", live::BUILD));
+        say.remark("This isobath opens recordings only. For cameras, build it so:");
+        say.line(&format!("  {}", live::COMMAND));
+        say.remark(&format!("The build needs libclang: {}.", live::NEEDS));
     }
     let list: Vec<Value> = found
         .iter()
