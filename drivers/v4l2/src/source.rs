@@ -61,6 +61,7 @@ pub struct V4l2Source<S> {
     pub(crate) counted_at: Option<u64>,
     pub(crate) last_info: Option<FrameInfo>,
     pub(crate) started: bool,
+    pub(crate) last_time: HostNanos,
 }
 
 impl<S: std::fmt::Debug> std::fmt::Debug for V4l2Source<S> {
@@ -248,7 +249,10 @@ impl<S: V4l2Sys> DepthSource for V4l2Source<S> {
             let now = self.clock.now();
             let arrival = seen.stamp.unwrap_or(now);
             self.depth.waited(now.saturating_since(arrival));
-            frame.time = time.unwrap_or(arrival).timestamp();
+            // Frames with metadata and without it are stamped by two rules; their order is the stream's all the same.
+            let time = time.unwrap_or(arrival).max(self.last_time);
+            self.last_time = time;
+            frame.time = time.timestamp();
             frame.sequence = seen.number;
             frame.straighten(&self.camera);
             if event == ClockEvent::Jump {
