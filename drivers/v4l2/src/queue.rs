@@ -203,12 +203,17 @@ impl CaptureQueue {
     /// Lets somebody hold a buffer that the program owns: its bytes stay as they are until it is given back. `None` when the buffer is not
     /// the program's, or when all but two are held already, since the stream would starve.
     pub fn hold(&mut self, index: u32) -> Option<Held> {
-        let held = self.owners.iter().filter(|o| matches!(o, Owner::Held(_))).count();
-        let room = held < self.lease_limit();
+        let room = self.can_hold();
         let owner = self.owners.get_mut(index as usize).filter(|o| **o == Owner::Program && room)?;
         let ticket = TICKETS.fetch_add(1, Ordering::Relaxed);
         *owner = Owner::Held(ticket);
         Some(Held { index, ticket })
+    }
+
+    /// Whether one more may be held.
+    #[must_use]
+    pub fn can_hold(&self) -> bool {
+        self.owners.iter().filter(|o| matches!(o, Owner::Held(_))).count() < self.lease_limit()
     }
 
     /// Buffers that may be held at once.

@@ -463,3 +463,110 @@ fn a_driver_that_stamps_by_another_clock_gets_the_time_of_arrival() {
     }
     finish(&kernel, camera);
 }
+
+#[test]
+fn held_frames_stay_as_they_are_and_cannot_starve_the_stream() {
+    let kernel = kernel();
+    let mut camera = open(&kernel, BackPressure::Queue(3));
+    let mut held = Vec::new();
+    for n in 0..3 {
+        let (outcome, raw) = camera.lease(soon(&kernel)).unwrap();
+        assert_eq!(outcome, Outcome::Frame);
+        let raw = raw.unwrap();
+        assert_eq!(raw.sequence, n);
+        held.push(raw);
+    }
+    assert!(matches!(camera.lease(soon(&kernel)), Err(SourceError::LeaseLimit { limit: 3 })));
+    // The stream goes on through the two that are left, and over a restart.
+    let mut frame = OwnedFrame::new();
+    kernel.fail(Call::Dequeue, 2, Errno::EIO);
+    let outcomes: Vec<_> = (0..10).map(|_| camera.next_into(&mut frame, soon(&kernel)).unwrap()).collect();
+    assert_eq!(outcomes.iter().filter(|o| **o == Outcome::Frame).count(), 9, "{outcomes:?}");
+    for (n, raw) in held.iter().enumerate() {
+        let bytes = camera.raw_bytes(raw);
+        assert_eq!(bytes.len() as u32, SIZE.0 * SIZE.1 * 2);
+        assert_eq!(u16::from_le_bytes([bytes[2], bytes[3]]), pixel(1, 0, n as u32));
+    }
+    camera.give_back(held.remove(0));
+    let (_, raw) = camera.lease(soon(&kernel)).unwrap();
+    held.push(raw.unwrap());
+    // Stopped, what is held is empty, and giving it back to the next stream gives nothing.
+    camera.stop().unwrap();
+    assert!(held.iter().all(|raw| camera.raw_bytes(raw).is_empty()));
+    camera.start().unwrap();
+    held.drain(..).for_each(|raw| camera.give_back(raw));
+    for _ in 0..10 {
+        assert_eq!(camera.next_into(&mut frame, soon(&kernel)).unwrap(), Outcome::Frame);
+    }
+    finish(&kernel, camera);
+}
+
+/// Packs codes that one formula draws, as a format says.
+fn packed(fourcc: FourCc, width: u32, height: u32, stride: u32, frame: u32) -> Vec<u8> {
+    let codes = |bits: u32| move |x, y| pixel(x, y, frame) & ((1 << bits) - 1);
+    let mut bytes = vec![0; (stride * height) as usize];
+    let plane = (stride / 2 * height) as usize;
+    for y in 0..height {
+        for x in 0..width {
+            let at = (y * stride + 2 * x) as usize;
+            match &fourcc.0 {
+                b"Y12 " => bytes[at..at + 2].copy_from_slice(&codes(12)(x, y).to_le_bytes()),
+                b"INZI" => {
+                    let at = plane + (y * stride / 2 + 2 * x) as usize;
+                    bytes[at..at + 2].copy_from_slice(&pixel(x, y, frame).to_le_bytes());
+                }
+                b"Y10B" => {
+                    for bit in 0..10 {
+                        let place = x * 10 + bit;
+                        let value = (codes(10)(x, y) >> (9 - bit)) as u8 & 1;
+                        bytes[(y * stride + place / 8) as usize] |= value << (7 - place % 8);
+                    }
+                }
+                _ => bytes[at..at + 2].copy_from_slice(&pixel(x, y, frame).to_be_bytes()),
+            }
+        }
+    }
+    bytes
+}
+
+#[test]
+fn every_format_is_unpacked() {
+    for (fourcc, bits) in [(*b"Y12 ", 12), (*b"INZI", 16), (*b"Y10B", 10), ([b'Y', b'1', b'6', b' ' | 0x80], 16)] {
+        let kernel = Kernel::new("/dev/video0", NodeScript::video(&fourcc, SIZE)).with(|w| w.draw = packed);
+        let mut camera = open(&kernel, BackPressure::Queue(4));
+        let mut frame = OwnedFrame::new();
+        for n in 0..3 {
+            assert_eq!(camera.next_into(&mut frame, soon(&kernel)).unwrap(), Outcome::Frame, "{:?}", FourCc(fourcc));
+            let DepthPixels::U16(values) = frame.depth() else { panic!("16 bits were sent") };
+            for (i, v) in values.iter().enumerate() {
+                let code = u32::from(pixel(i as u32 % SIZE.0, i as u32 / SIZE.0, n)) & ((1 << bits) - 1);
+                // The last code of Kinect's ten bits means "nothing".
+                let want = if bits == 10 && code == 1023 { 0 } else { code as u16 };
+                assert_eq!(*v, want, "{:?} pixel {i}", FourCc(fourcc));
+            }
+        }
+        finish(&kernel, camera);
+    }
+}
+
+#[test]
+fn disparity_becomes_metres_and_limits_hold() {
+    let kernel = kernel();
+    let mut options = options(BackPressure::Queue(4));
+    let depth = &mut options.set.depth;
+    depth.format = Some(isobath_recording::Format::Disparity);
+    (depth.unit, depth.baseline, depth.focal, depth.scale) = (None, Some(0.05), Some(400.0), Some(0.125));
+    (depth.min_z, depth.max_z) = (Some(0.1), Some(2.0));
+    let mut camera = open_with(&kernel, Box::new(kernel.clone()), "/dev/video0".as_ref(), &options).unwrap();
+    let mut frame = OwnedFrame::new();
+    assert_eq!(camera.next_into(&mut frame, soon(&kernel)).unwrap(), Outcome::Frame);
+    for (x, y) in [(0, 0), (3, 7), (15, 11), (9, 2)] {
+        let z = 400.0 * 0.05 / (f64::from(pixel(x, y, 0)) * 0.125);
+        let want = if (0.1..=2.0).contains(&z) { z } else { 0.0 };
+        assert!((f64::from(frame.z(x as usize, y as usize)) - want).abs() < 1e-5, "{x},{y}");
+    }
+    finish(&kernel, camera);
+    // What no camera gives is refused before it is opened.
+    options.set.depth.format = Some(isobath_recording::Format::F32);
+    assert!(open_with(&kernel, Box::new(kernel.clone()), "/dev/video0".as_ref(), &options).is_err());
+}

@@ -8,6 +8,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
@@ -16,6 +17,23 @@ use isobath_v4l2::sys::{
     Buffer, BufferPlane, CAP_META, CAP_PLANES, CAP_STREAMING, CAP_VIDEO, CLOCK_MONOTONIC, Capability, Errno,
     FLAG_ERROR, Format, FourCc, FrameSize, Kind, PlaneFormat, Query, Ready, SysResult, V4l2Open, V4l2Sys,
 };
+
+/// Raised while the scripted kernel works: what it allocates is not the program's.
+pub(crate) static WORKING: AtomicBool = AtomicBool::new(false);
+
+struct Working(bool);
+
+impl Working {
+    fn begin() -> Self {
+        Self(WORKING.swap(true, Ordering::SeqCst))
+    }
+}
+
+impl Drop for Working {
+    fn drop(&mut self) {
+        WORKING.store(self.0, Ordering::SeqCst);
+    }
+}
 
 /// System calls between two steps of progress (a buffer taken, time passed) after which a program spins.
 pub(crate) const PATIENCE: u32 = 64;
@@ -505,6 +523,7 @@ impl FakeSys {
 
 impl V4l2Sys for FakeSys {
     fn capability(&mut self) -> SysResult<Capability> {
+        let _working = Working::begin();
         let kind = self.kind();
         self.call(Call::Capability, kind, |_, node| {
             let cap = match node.kind {
@@ -523,12 +542,14 @@ impl V4l2Sys for FakeSys {
     }
 
     fn format_at(&mut self, kind: Kind, index: u32) -> SysResult<FourCc> {
+        let _working = Working::begin();
         let world = self.kernel.world();
         let node = &world.nodes[&self.path];
         node.formats.get(index as usize).filter(|_| node.kind == kind).copied().ok_or(Errno::EINVAL)
     }
 
     fn size_at(&mut self, fourcc: FourCc, index: u32) -> SysResult<FrameSize> {
+        let _working = Working::begin();
         let world = self.kernel.world();
         let node = &world.nodes[&self.path];
         let size = node.sizes.get(index as usize).filter(|_| node.formats.contains(&fourcc)).ok_or(Errno::EINVAL)?;
@@ -536,10 +557,12 @@ impl V4l2Sys for FakeSys {
     }
 
     fn format(&mut self, _: Kind) -> SysResult<Format> {
+        let _working = Working::begin();
         self.kernel.world().nodes[&self.path].format.ok_or(Errno::EINVAL)
     }
 
     fn set_format(&mut self, kind: Kind, asked: &Format) -> SysResult<Format> {
+        let _working = Working::begin();
         self.call(Call::SetFormat, kind, |world, node| {
             if !node.vb2.slots.is_empty() {
                 world.offence("S_FMT while there are buffers".into());
@@ -568,10 +591,12 @@ impl V4l2Sys for FakeSys {
     }
 
     fn set_interval(&mut self, _: Kind, interval: (u32, u32)) -> SysResult<(u32, u32)> {
+        let _working = Working::begin();
         Ok(interval)
     }
 
     fn request_buffers(&mut self, kind: Kind, count: u32) -> SysResult<u32> {
+        let _working = Working::begin();
         self.call(Call::RequestBuffers, kind, |world, node| {
             if node.vb2.slots.iter().any(|s| s.mapped) {
                 world.offence("REQBUFS while buffers are mapped".into());
@@ -599,6 +624,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn query_buffer(&mut self, kind: Kind, index: u32, _: usize) -> SysResult<Buffer> {
+        let _working = Working::begin();
         self.call(Call::QueryBuffer, kind, |_, node| {
             let slot = node.vb2.slots.get(index as usize).ok_or(Errno::EINVAL)?;
             let mut buffer = Buffer { index, ..Buffer::default() };
@@ -609,6 +635,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn map(&mut self, kind: Kind, index: u32, plane: usize, offset: u32, length: u32) -> SysResult<()> {
+        let _working = Working::begin();
         let path = self.path.clone();
         self.call(Call::Map, kind, |world, node| {
             let slot = node.vb2.slots.get_mut(index as usize).filter(|_| plane == 0 && offset == index * 0x10_0000);
@@ -627,6 +654,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn unmap(&mut self, kind: Kind, index: u32, _: usize) -> SysResult<()> {
+        let _working = Working::begin();
         if !self.maps.contains_key(&index) {
             self.kernel.world().offence("munmap of what is not mapped".into());
             return Err(Errno::EINVAL);
@@ -650,6 +678,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn queue(&mut self, kind: Kind, index: u32, _: usize) -> SysResult<()> {
+        let _working = Working::begin();
         self.call(Call::Queue, kind, |world, node| {
             let Some(slot) = node.vb2.slots.get_mut(index as usize) else {
                 world.offence(format!("QBUF of {index}, which does not exist"));
@@ -669,6 +698,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn dequeue(&mut self, kind: Kind, _: usize) -> SysResult<Buffer> {
+        let _working = Working::begin();
         let (buffer, content) = self.call(Call::Dequeue, kind, |world, node| {
             if !node.vb2.streaming {
                 return Err(Errno::EINVAL);
@@ -692,6 +722,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn stream(&mut self, kind: Kind, on: bool) -> SysResult<()> {
+        let _working = Working::begin();
         let call = if on { Call::StreamOn } else { Call::StreamOff };
         self.call(call, kind, |world, node| {
             node.vb2.streaming = on;
@@ -712,6 +743,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn poll(&mut self, timeout: Option<Duration>) -> SysResult<Ready> {
+        let _working = Working::begin();
         let mut world = self.kernel.world();
         world.enter(Call::Poll)?;
         world.run();
@@ -750,6 +782,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn extension(&mut self, unit: u8, selector: u8, query: Query, data: &mut [u8]) -> SysResult<()> {
+        let _working = Working::begin();
         let mut world = self.kernel.world();
         world.enter(Call::Extension)?;
         world.idle_calls = 0;
@@ -760,6 +793,7 @@ impl V4l2Sys for FakeSys {
     }
 
     fn pause(&mut self, time: Duration) {
+        let _working = Working::begin();
         self.kernel.world().pass(time.as_nanos() as u64);
     }
 }
