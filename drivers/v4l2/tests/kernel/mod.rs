@@ -120,7 +120,7 @@ pub(crate) struct NodeScript {
     pub(crate) padding: u32,
     /// Bytes before the image, for several planes.
     pub(crate) data_offset: u32,
-    /// What S_FMT grants whatever is asked.
+    /// What `S_FMT` grants whatever is asked.
     pub(crate) grants: Option<(FourCc, u32, u32)>,
     format: Option<Format>,
     vb2: Vb2,
@@ -149,6 +149,9 @@ impl NodeScript {
     }
 }
 
+/// Answers for the extension units: unit, selector, request, data.
+pub(crate) type Extension = Box<dyn FnMut(u8, u8, Query, &mut [u8]) -> SysResult<()> + Send>;
+
 /// Draws an image: kind, format, width, height, bytes a row, frame number.
 pub(crate) type Draw = fn(FourCc, u32, u32, u32, u32) -> Vec<u8>;
 
@@ -174,7 +177,7 @@ pub(crate) struct World {
     pub(crate) counter: u32,
     late: VecDeque<(u32, Vec<u8>)>,
     meta_plan: Option<Act>,
-    pub(crate) extension: Option<Box<dyn FnMut(u8, u8, Query, &mut [u8]) -> SysResult<()> + Send>>,
+    pub(crate) extension: Option<Extension>,
     pub(crate) offences: Vec<String>,
     pub(crate) idle_calls: u32,
     pub(crate) most_idle_calls: u32,
@@ -310,9 +313,7 @@ impl World {
         // Setting up takes as many calls as there are buffers.
         self.idle_calls = if matches!(call, Call::Map | Call::Unmap) { 0 } else { self.idle_calls + 1 };
         self.most_idle_calls = self.most_idle_calls.max(self.idle_calls);
-        if self.idle_calls > 20 * PATIENCE {
-            panic!("the program spins: {call:?} and others, {} times without progress", self.idle_calls);
-        }
+        assert!(self.idle_calls <= 20 * PATIENCE, "the program spins: {call:?} and others without progress");
         let n = self.calls.entry(call).or_default();
         let this = *n;
         *n += 1;
