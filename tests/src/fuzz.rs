@@ -8,6 +8,7 @@
 
 mod decode;
 mod features;
+mod inertial;
 mod lighting;
 mod localized;
 mod parsers;
@@ -18,6 +19,7 @@ use isobath::glam::{Quat, Vec2, Vec3};
 
 pub use decode::{depth16, disparity, key_frame, metres, projective, rvl, u16_bytes};
 pub use features::features;
+pub use inertial::imu;
 pub use lighting::lighting;
 pub use localized::localized;
 pub use parsers::{camera_file, depth_png, lists, npy, pgm};
@@ -42,6 +44,7 @@ pub const TARGETS: &[Target] = &[
     ("localized", localized),
     ("features", features),
     ("lighting", lighting),
+    ("imu", imu),
     ("parse_npy", npy),
     ("parse_pgm", pgm),
     ("parse_depth_png", depth_png),
