@@ -9,8 +9,9 @@
 //!
 //! Turning slower than the limit, evenly and about one axis (a turntable, a lift with a curve), looks like rest to any inertial sensor.
 //!
-//! Memory: detector 160 bytes at most, [`RestBias`] 256, held by a test. Cost: about 150 operations a reading. Error: after two seconds of rest, the sensor's noise
-//! averaged over half a second; held by a property test.
+//! Memory: detector 160 bytes at most, [`RestBias`] 256, held by a test. Cost: about 150 operations a reading. Error: of a bias
+//! far from the one held, 2 % are left 1.5 s after rest is seen, 0.3 % after 10 s (the paper's parameters); then the sensor's noise averaged over half a second; a property test holds
+//! 4e-4 rad/s.
 
 use glam::Vec3;
 
@@ -134,13 +135,13 @@ impl RestDetector {
 /// use isobath::sensing::imu::ImuSample;
 /// use isobath::sensing::imu::rest::{RestBias, RestParams};
 /// let mut bias = RestBias::new(RestParams::DEFAULT)?;
-/// for i in 0..600 {
+/// for i in 0..1200 {
 ///     let time = Timestamp::from_nanos(i * 5_000_000);
 ///     let noise = if i % 2 == 0 { 0.002 } else { -0.002 };
 ///     bias.update(&ImuSample { time, rate: vec3(0.01 + noise, 0.0, -0.02), force: vec3(0.0, 9.8, 0.0), field: None });
 /// }
 /// assert!(bias.is_at_rest());
-/// assert!((bias.bias() - vec3(0.01, 0.0, -0.02)).length() < 1e-4);
+/// assert!((bias.bias() - vec3(0.01, 0.0, -0.02)).length() < 3e-4);
 /// # Ok::<(), isobath::sensing::imu::ImuError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]

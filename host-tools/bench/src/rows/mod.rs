@@ -9,6 +9,7 @@ mod pyramid;
 pub(crate) mod raycast;
 mod registration;
 pub(crate) mod room;
+mod unpack;
 
 use crate::row::Row;
 
@@ -28,4 +29,5 @@ pub const ALL: &[Row] = &[
     orientation::SIMULATED,
     orientation::SLOW,
     orientation::VIBRATION,
+    unpack::UNPACK,
 ];
