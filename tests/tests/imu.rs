@@ -1,7 +1,11 @@
 //! The orientation filter against the optical truth of two BROAD recordings, against the `f64` implementation that others use (`vqf-rs`), and
 //! against simulated hands. `cargo test -p isobath-tests --test imu -- --nocapture` prints the figures; times are the bench's (`isobath bench --filter orientation`).
 
-use glam::DQuat;
+use glam::{DQuat, Quat};
+use isobath::ground::units::Timestamp;
+use isobath::sensing::imu::ImuCalibration;
+use isobath::sensing::imu::calibration::Triad;
+use isobath::sensing::imu::offset::{OffsetEstimate, OffsetParams, TimeOffset};
 use isobath::sensing::imu::vqf::{Vqf, VqfParams};
 use isobath_bench::inertial::{BROAD, Errors, Naive, Trial, broad, double, simulated};
 use vqf_rs::VQF;
@@ -98,5 +102,48 @@ fn single_precision_costs_little() {
         }
         println!("{name}: verticals differ by at most {tilt:.5} degrees ({most:.5} in the first ten seconds)");
         assert!(tilt < 0.05 && most < 0.2, "{name}: {tilt} {most}");
+    }
+}
+
+/// The gyroscope's delay against the cameras, from the speeds of both: every tenth optical orientation (28.6 Hz) against all readings.
+fn delay(trial: &Trial) -> OffsetEstimate {
+    let mut offset = Box::new(TimeOffset::<32_768, 4096>::new(OffsetParams::DEFAULT).expect("the defaults"));
+    for (i, (s, truth)) in trial.samples.iter().zip(&trial.truth).enumerate().skip(15_000).take(32_000) {
+        offset.imu(s);
+        if let (0, Some(q)) = (i % 10, truth) {
+            let q = q.as_quat();
+            offset.camera(Quat::from_xyzw(q.x, q.y, q.z, q.w), s.time);
+        }
+    }
+    offset.estimate().expect("a lively motion")
+}
+
+/// Crosswise, so that no recording is scored with what it told of itself: the delay that the one shows, applied to the other, lowers its error; that is what the
+/// calibration's time offset and `orientation_at` are for. The error against the best that stamps alone allow.
+#[test]
+fn the_delay_found_on_one_recording_improves_the_other() {
+    let (Some(slow), Some(shaken)) = (broad(3), broad(27)) else { return };
+    let (of_slow, of_shaken) = (delay(&slow), delay(&shaken));
+    println!("delay on BROAD 03: {of_slow:?}\ndelay on BROAD 27: {of_shaken:?}");
+    assert!((of_slow.nanos - of_shaken.nanos).abs() < 1_000_000);
+    for (number, trial, found) in [(3, &slow, of_shaken), (27, &shaken, of_slow)] {
+        let plain = trial.score(ours(trial, true));
+        let t = Triad::IDENTITY;
+        let calibration = ImuCalibration::new(t, t, t, Quat::IDENTITY, found.nanos).expect("a calibration");
+        let mut filter = Vqf::new(VqfParams::DEFAULT).expect("the defaults");
+        let answers = trial.run(|s| {
+            filter.update(&calibration.apply(s));
+            // What is asked for is the time of the optical truth; and north by the filter's own heading.
+            let tilted = filter.orientation_at(Timestamp::from_nanos(s.time.as_nanos())).expect("milliseconds ahead");
+            let heading =
+                double(filter.orientation_north().expect("a field")) * double(filter.orientation()).conjugate();
+            heading * double(tilted)
+        });
+        let better = trial.score(answers);
+        println!(
+            "BROAD {number:02}: inclination {:.4} degrees, with the other's delay {:.4}; total {:.4}, {:.4}",
+            plain.inclination, better.inclination, plain.total, better.total
+        );
+        assert!(better.inclination < plain.inclination && better.total < plain.total);
     }
 }

@@ -54,7 +54,8 @@ const MAX_FIELD: f32 = 1e5;
 pub struct ImuSample {
     /// Time of the measurement, in the epoch of the frames it goes with once its source has mapped its clock.
     pub time: Timestamp,
-    /// Angular rate, rad/s.
+    /// Angular rate, rad/s: its mean since the reading before, as sensors give it that average over their period. Of one that samples points, this time is half a period
+    /// late; [`offset::TimeOffset`] finds that with the rest of the delay.
     pub rate: Vec3,
     /// Specific force, m/s^2: about 9.8 upwards at rest.
     pub force: Vec3,

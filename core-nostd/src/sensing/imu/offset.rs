@@ -9,6 +9,9 @@
 //! rate's blur is in both. The correlation coefficient at steps of a few milliseconds, then at an eighth of that about the best, then a parabola through three: well below
 //! a step.
 //!
+//! A reading of the gyroscope is taken as its mean since the one before, as [`Vqf`](super::Vqf) takes it; the offset is the one that the filter wants. For a sensor that samples points it
+//! therefore holds half a period more than the pure delay.
+//!
 //! | answer | when |
 //! |---|---|
 //! | [`OffsetEstimate`] | one clear peak; with its standard deviation, from the peak's sharpness and the correlation that is missing |
@@ -218,11 +221,12 @@ impl Sums {
 ///
 /// // A device that turns about z, faster and slower; its gyroscope's stamps are 12 ms late.
 /// let angle = |t: f32| 0.5 * (3.1 * t).sin() + 0.2 * (8.3 * t + 1.0).sin();
-/// let speed = |t: f32| 1.55 * (3.1 * t).cos() + 1.66 * (8.3 * t + 1.0).cos();
 /// let mut offset = TimeOffset::<1024, 128>::new(OffsetParams::DEFAULT)?;
 /// for i in 0..800 {
 ///     let time = Timestamp::from_nanos(i * 5_000_000 + 12_000_000);
-///     offset.imu(&ImuSample { time, rate: Vec3::Z * speed(i as f32 * 0.005), force: Vec3::ZERO, field: None });
+///     let t = i as f32 * 0.005;
+///     let rate = Vec3::Z * (angle(t) - angle(t - 0.005)) / 0.005;
+///     offset.imu(&ImuSample { time, rate, force: Vec3::ZERO, field: None });
 /// }
 /// for i in 0..120 {
 ///     offset.camera(Quat::from_rotation_z(angle(i as f32 / 30.0)), Timestamp::from_nanos(i * 1_000_000_000 / 30));
@@ -405,8 +409,8 @@ struct Peak {
 struct Integral<'a, I: Iterator<Item = &'a Rate>> {
     rates: I,
     offset: i64,
-    /// The readings on both sides of where it stands.
-    last: Option<(Timestamp, Vec3)>,
+    /// The readings on both sides of where it stands: the next is the mean rate since the last.
+    last: Option<Timestamp>,
     next: Option<(Timestamp, Vec3)>,
     /// Where it stands.
     at: Option<Timestamp>,
@@ -420,7 +424,7 @@ impl<'a, I: Iterator<Item = &'a Rate>> Integral<'a, I> {
     }
 
     fn advance(&mut self) {
-        self.last = self.next;
+        self.last = self.next.map(|n| n.0);
         self.next = self.rates.next().map(|r| (r.time.saturating_add_nanos(self.offset), r.rate));
     }
 
@@ -439,10 +443,10 @@ impl<'a, I: Iterator<Item = &'a Rate>> Integral<'a, I> {
                 && then > start
             {
                 match self.last {
-                    Some((before, old)) => {
+                    Some(before) => {
                         whole &= then.seconds_since(before) <= max_gap;
                         let from = if before > start { before } else { start };
-                        sum += piece((before, old), (then, rate), from, then);
+                        sum += rate * then.seconds_since(from);
                     }
                     None => whole = false,
                 }
@@ -452,23 +456,13 @@ impl<'a, I: Iterator<Item = &'a Rate>> Integral<'a, I> {
         // The last piece, up to `time`.
         let (Some(last), Some(next)) = (self.last, self.next) else {
             // It ends exactly at the last reading, or the readings end before.
-            return self.last.filter(|last| last.0 == time && whole).map(|_| sum);
+            return self.last.filter(|last| *last == time && whole).map(|_| sum);
         };
-        whole &= next.0.seconds_since(last.0) <= max_gap;
-        let from = start.map_or(time, |s| if last.0 > s { last.0 } else { s });
-        sum += piece(last, next, from, time);
+        whole &= next.0.seconds_since(last) <= max_gap;
+        let from = start.map_or(time, |s| if last > s { last } else { s });
+        sum += next.1 * time.seconds_since(from);
         whole.then_some(sum)
     }
-}
-
-/// The integral between two times within one pair of readings, the rate being a straight line.
-fn piece(a: (Timestamp, Vec3), b: (Timestamp, Vec3), from: Timestamp, to: Timestamp) -> Vec3 {
-    let span = b.0.seconds_since(a.0);
-    if !(span > 0.0) {
-        return Vec3::ZERO;
-    }
-    let middle = 0.5 * (from.seconds_since(a.0) + to.seconds_since(a.0)) / span;
-    (a.1 + (b.1 - a.1) * middle) * to.seconds_since(from)
 }
 
 #[cfg(test)]
@@ -515,7 +509,9 @@ mod tests {
             let nanos = i * 500_000;
             if i % 10 == 0 {
                 let noise = Vec3::new(random(), random(), random()) * gyro_noise;
-                let rate = motion.rate(t) + noise;
+                // The mean of the last 5 ms, by Simpson.
+                let mean = (motion.rate(t - 0.005) + motion.rate(t - 0.0025) * 4.0 + motion.rate(t)) / 6.0;
+                let rate = mean + noise;
                 let time = Timestamp::from_nanos(nanos + late);
                 estimator.imu(&ImuSample { time, rate, force: Vec3::ZERO, field: None });
             }
