@@ -254,6 +254,41 @@ fn more_readings_than_there_is_room_for_are_counted() {
     assert_eq!(source.readings_lost(), 5000 - 4096);
 }
 
+#[test]
+fn a_message_that_holds_no_frame_is_an_error_and_counted() {
+    let time = Timestamp::from_nanos(77_000_000_000);
+    let header = |sequence| Header { kind: Kind::Depth, sequence, time };
+    let whole = frame(0, Encoding::Rvl);
+    let body = &whole[24..whole.len() - 4];
+    let small = {
+        let mut out = vec![0; 400];
+        let view = ImageView::new(&[700; 20], 5, 4).unwrap();
+        let used = wire::encode_depth(view, DepthUnit::MILLIMETRE, 0, Encoding::Raw, 2, time, &mut out).unwrap();
+        out.truncate(used);
+        out
+    };
+    // Cut short, of another size, and none at all: each with a right CRC.
+    let mut script = vec![Act::Data([hello(), frame(0, Encoding::Raw)].concat())];
+    for (sequence, body) in [(1, &body[..body.len() - 8]), (3, &[][..])] {
+        let mut out = vec![0; body.len() + wire::OVERHEAD];
+        wire::encode(&header(sequence), body, &mut out).unwrap();
+        script.push(Act::Data(out));
+    }
+    script.insert(2, Act::Data(small));
+    script.push(Act::Data(frame(4, Encoding::Rvl)));
+    let fake = Fake::bulk(script);
+    let mut source = open(&fake, Options::default()).unwrap();
+    let mut out = OwnedFrame::new();
+    assert_eq!(source.next_into(&mut out, soon(&fake)).unwrap(), Outcome::Frame);
+    for _ in 0..3 {
+        let e = source.next_into(&mut out, soon(&fake)).unwrap_err();
+        assert!(matches!(e, SourceError::Corrupt { .. }), "{e}");
+    }
+    assert_eq!(source.next_into(&mut out, soon(&fake)).unwrap(), Outcome::Frame);
+    let stats = source.stats();
+    assert_eq!((stats.delivered, stats.corrupt, stats.span(), out.sequence), (2, 3, 5, 4));
+}
+
 /// What happens to the bytes on their way.
 #[derive(Debug, Clone)]
 enum Fault {
