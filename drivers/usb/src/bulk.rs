@@ -36,6 +36,8 @@ const SMALLEST: usize = 256 * 1024;
 const SLICE: Duration = Duration::from_millis(500);
 /// Readings kept for who asks for frames meanwhile.
 const READINGS: usize = 4096;
+/// More pixels than any frame has: a hello that says so asks for memory that nobody has.
+const MOST_PIXELS: usize = 1 << 24;
 /// How long opening waits for the device's hello.
 const HELLO: Duration = Duration::from_secs(4);
 /// After so many failures in a row, without a byte between them, they are the caller's matter.
@@ -91,6 +93,8 @@ pub struct Bulk<S: UsbSys> {
     failures: u32,
     /// Whether the caller who waits now has had a transfer: a deadline that has passed already allows one.
     asked: bool,
+    /// The size that the last hello said, when it was absurd.
+    absurd: Option<(u16, u16)>,
     key_frames: Option<KeyFrames>,
 }
 
@@ -157,12 +161,21 @@ impl<S: UsbSys> Bulk<S> {
             imu_gap: None,
             failures: 0,
             asked: false,
+            absurd: None,
             key_frames: None,
             link,
         };
         let deadline = Deadline::after(&*bulk.clock, HELLO);
         while bulk.hello.is_none() {
-            if bulk.step(deadline)? == Event::Nothing {
+            let nothing = bulk.step(deadline)? == Event::Nothing;
+            if let Some((w, h)) = bulk.absurd {
+                return Err(SourceError::Unsupported {
+                    path: bulk.link.path().clone(),
+                    what: format!("the device says its frames have {w} x {h} pixels"),
+                    hint: format!("{MOST_PIXELS} are taken at most; its firmware may be broken"),
+                });
+            }
+            if nothing {
                 return Err(SourceError::MissingCalibration {
                     path: bulk.link.path().clone(),
                     needed: vec!["size", "unit", "intrinsics"],
@@ -367,6 +380,11 @@ impl<S: UsbSys> Bulk<S> {
     /// A hello: the first, or one that says something new.
     fn meet(&mut self, hello: &Hello) {
         if self.hello.as_ref() == Some(hello) {
+            return;
+        }
+        let size = hello.depth.map(|(w, h, ..)| (w, h));
+        self.absurd = size.filter(|(w, h)| usize::from(*w) * usize::from(*h) > MOST_PIXELS);
+        if self.absurd.is_some() {
             return;
         }
         self.hello = Some(*hello);

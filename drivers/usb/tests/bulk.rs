@@ -25,9 +25,13 @@ const W: usize = 40;
 const H: usize = 30;
 
 fn hello() -> Vec<u8> {
+    hello_of(W as u16, H as u16)
+}
+
+fn hello_of(width: u16, height: u16) -> Vec<u8> {
     let camera = Camera { intrinsics: Intrinsics::new(30.0, 30.0, 19.5, 14.5).unwrap(), distortion: Distortion::None };
     let hello = Hello {
-        depth: Some((W as u16, H as u16, DepthUnit::MILLIMETRE, camera)),
+        depth: Some((width, height, DepthUnit::MILLIMETRE, camera)),
         frame_interval: 33_333,
         imu_millihertz: 200_000,
         imu_offset: 0,
@@ -146,6 +150,9 @@ fn opening_says_what_is_missing() {
     let silent = Fake::bulk([Act::Data(frame(1, Encoding::Raw))]);
     let e = open(&silent, Options::default()).unwrap_err();
     assert!(matches!(e, SourceError::MissingCalibration { .. }), "{e}");
+    let absurd = Fake::bulk([Act::Data(hello_of(65_535, 65_535))]);
+    let e = open(&absurd, Options::default()).unwrap_err();
+    assert!(e.to_string().contains("65535 x 65535"), "{e}");
     let waited = silent.world().now;
     assert!(waited <= 4_100_000_000, "it waited {waited} ns");
 }
