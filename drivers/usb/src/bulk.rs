@@ -19,8 +19,8 @@ use isobath::sensing::imu::ImuSample;
 use isobath::wire::bulk::{Content, Encoding, Found, Header, Hello, Kind, Message, OVERHEAD, depth_most_bytes, find};
 use isobath_source::stats::{SequenceGaps, Step};
 use isobath_source::{
-    Clock, ClockEvent, Deadline, DepthSource, DeviceClock, Gap, GapCause, ImuInfo, ImuOutcome, ImuSource, Outcome,
-    OwnedFrame, SourceError, SourceInfo, StreamStats, SystemClock,
+    Clock, ClockEvent, Deadline, DepthSource, DeviceClock, DeviceTicks, Gap, GapCause, ImuInfo, ImuOutcome, ImuSource,
+    Outcome, OwnedFrame, SourceError, SourceInfo, StreamStats, SystemClock,
 };
 
 use crate::link::{Link, Options, Wanted};
@@ -86,6 +86,8 @@ pub struct Bulk<S: UsbSys> {
     frames: SequenceGaps,
     messages: SequenceGaps,
     device_clock: DeviceClock,
+    /// From the device's times to its clock's ticks, which go on when the device starts anew.
+    shift: Option<u64>,
     stats: StreamStats,
     imu_lost: u64,
     gap: Option<Gap>,
@@ -155,6 +157,7 @@ impl<S: UsbSys> Bulk<S> {
             frames: SequenceGaps::default(),
             messages: SequenceGaps::default(),
             device_clock: device_clock(),
+            shift: None,
             stats: StreamStats::default(),
             imu_lost: 0,
             gap: None,
@@ -286,7 +289,7 @@ impl<S: UsbSys> Bulk<S> {
         (self.filled, self.failures) = (0, 0);
         self.frames.reset();
         self.messages.reset();
-        self.device_clock = device_clock();
+        (self.device_clock, self.shift) = (device_clock(), None);
         // What came before it went has times of another life.
         self.frame_header = None;
         self.readings.clear();
@@ -301,12 +304,22 @@ impl<S: UsbSys> Bulk<S> {
         (self.gap, self.imu_gap) = (gap, gap);
     }
 
-    /// The host's time of a device's.
-    fn host_time(&mut self, time: Timestamp) -> Timestamp {
-        let (ticks, event) = self.device_clock.observe(time.as_nanos().cast_unsigned(), self.clock.now());
-        if event == ClockEvent::Jump {
-            self.note(GapCause::Reset);
-        }
+    /// The host's time of a device's. One stream leads, the inertial one if there is one: frames lie behind it by their exposure and all that the
+    /// device does with them, which would look like a clock set back.
+    fn host_time(&mut self, time: Timestamp, kind: Kind) -> Timestamp {
+        let raw = time.as_nanos().cast_unsigned();
+        let follows = kind == Kind::Depth && self.hello.is_some_and(|hello| hello.imu_millihertz > 0);
+        let ticks = match self.shift.filter(|_| follows) {
+            Some(shift) => DeviceTicks(raw.wrapping_add(shift)),
+            None => {
+                let (ticks, event) = self.device_clock.observe(raw, self.clock.now());
+                if event == ClockEvent::Jump {
+                    self.note(GapCause::Reset);
+                }
+                self.shift = Some(ticks.0.wrapping_sub(raw));
+                ticks
+            }
+        };
         self.device_clock.to_host(ticks).map_or(time, |host| host.timestamp())
     }
 
@@ -340,7 +353,7 @@ impl<S: UsbSys> Bulk<S> {
                 self.note(GapCause::Reset);
             }
         }
-        let time = self.host_time(header.time);
+        let time = self.host_time(header.time, Kind::Depth);
         if self.frame_header.is_some() {
             self.stats.dropped_by_policy += 1;
         }
@@ -366,7 +379,7 @@ impl<S: UsbSys> Bulk<S> {
         let offset = self.hello.map_or(0, |hello| hello.imu_offset);
         let span = last.time.as_nanos() - message.header.time.as_nanos();
         // The last reading is the one just taken: the others lie before it.
-        let end = self.host_time(last.time).saturating_add_nanos(offset);
+        let end = self.host_time(last.time, Kind::Imu).saturating_add_nanos(offset);
         for reading in imu.iter() {
             if self.readings.len() == READINGS {
                 self.readings.pop_front();

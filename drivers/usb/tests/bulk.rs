@@ -47,10 +47,14 @@ fn pixels(sequence: u32) -> Vec<u16> {
     (0..W * H).map(|i| 500 + ((i * 7 + sequence as usize * 13) % 3000) as u16).collect()
 }
 
-/// A frame; the device's clock began 77 s ago, 33 ms from frame to frame.
+/// The device's clock began 77 s ago, 33 ms from frame to frame.
+fn time_of(frame: u32) -> Timestamp {
+    Timestamp::from_nanos(77_000_000_000 + i64::from(frame.wrapping_add(4)) * 33_000_000)
+}
+
 fn frame(sequence: u32, encoding: Encoding) -> Vec<u8> {
     let mut out = vec![0; wire::depth_most_bytes(W * H, encoding)];
-    let time = Timestamp::from_nanos(77_000_000_000 + i64::from(sequence) * 33_000_000);
+    let time = time_of(sequence);
     let pixels = pixels(sequence);
     let view = ImageView::new(&pixels, W, H).unwrap();
     let used = wire::encode_depth(view, DepthUnit::MILLIMETRE, 0, encoding, sequence, time, &mut out).unwrap();
@@ -58,8 +62,9 @@ fn frame(sequence: u32, encoding: Encoding) -> Vec<u8> {
     out
 }
 
-fn readings(sequence: u32, count: usize) -> Vec<u8> {
-    let at = 77_000_000_000 + i64::from(sequence) * 10_000_000;
+/// Readings a millisecond apart, from 5 ms after a frame on.
+fn readings(sequence: u32, count: usize, frame: u32) -> Vec<u8> {
+    let at = time_of(frame).as_nanos() + 5_000_000;
     let all: Vec<ImuSample> = (0..count)
         .map(|i| ImuSample {
             time: Timestamp::from_nanos(at + i as i64 * 1_000_000),
@@ -96,11 +101,11 @@ fn frames_and_readings_of_one_pipe() {
         &frame(8, Encoding::Raw)[..], // before the hello: nobody's
         &hello(),
         &frame(9, Encoding::Raw),
-        &readings(0, 5),
+        &readings(0, 5, 9),
         &message[..used],
-        &readings(1, 5),
+        &readings(1, 5, 10),
         &frame(10, Encoding::Rvl),
-        &readings(3, 5),
+        &readings(3, 5, 11),
     ]
     .concat();
     let fake = Fake::bulk(stream.chunks(999).map(|bytes| Act::Data(bytes.to_vec())));
@@ -253,7 +258,7 @@ fn a_device_that_always_stalls_neither_spins_nor_hangs() {
 #[test]
 fn more_readings_than_there_is_room_for_are_counted() {
     let mut script = vec![Act::Data(hello())];
-    script.extend((0..50).map(|n| Act::Data(readings(n, 100))));
+    script.extend((0..50).map(|n| Act::Data(readings(n, 100, n * 4))));
     let fake = Fake::bulk(script);
     let mut source = open(&fake, Options::default()).unwrap();
     let mut out = OwnedFrame::new();
@@ -263,7 +268,7 @@ fn more_readings_than_there_is_room_for_are_counted() {
 
 #[test]
 fn a_message_that_holds_no_frame_is_an_error_and_counted() {
-    let time = Timestamp::from_nanos(77_000_000_000);
+    let time = time_of(0);
     let header = |sequence| Header { kind: Kind::Depth, sequence, time };
     let whole = frame(0, Encoding::Rvl);
     let body = &whole[24..whole.len() - 4];
@@ -324,7 +329,7 @@ proptest! {
         let encoding = if rvl { Encoding::Rvl } else { Encoding::Raw };
         let count = 8;
         let number = |n: u32| first.wrapping_add(n);
-        let mut middle: Vec<u8> = (1..count - 1).flat_map(|n| [frame(number(n), encoding), readings(n, 3)].concat()).collect();
+        let mut middle: Vec<u8> = (1..count - 1).flat_map(|n| [frame(number(n), encoding), readings(n, 3, number(n))].concat()).collect();
         for fault in faults {
             let length = middle.len();
             match fault {
