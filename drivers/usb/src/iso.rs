@@ -87,7 +87,8 @@ fn error(code: c_int) -> UsbError {
 impl IsoStream {
     /// Makes the pool and submits all of it.
     pub(crate) fn new(handle: Arc<DeviceHandle<Context>>, layout: IsoLayout) -> Result<Self, UsbError> {
-        let packets = c_int::try_from(layout.packets).ok().filter(|n| *n > 0).ok_or(UsbError::Other(0))?;
+        let packets = c_int::try_from(layout.packets).ok().filter(|n| *n > 0 && layout.packet > 0);
+        let packets = packets.ok_or(UsbError::Other(22))?;
         let bytes = layout.packets.checked_mul(layout.packet).ok_or(UsbError::Overflow)?;
         let length = c_int::try_from(bytes).map_err(|_| UsbError::Overflow)?;
         let mut stream = Self { handle, slots: Vec::with_capacity(layout.transfers), next: 0, layout };
