@@ -17,6 +17,7 @@ use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
 
 mod devices;
+mod inertial;
 mod lighting;
 mod localized;
 
@@ -95,6 +96,9 @@ fn exercise(memory: &mut Memory) -> Option<usize> {
 
     // Answers.
     answers += localized::exercise(&frame, &pyramid, black_box(ray), &mut memory.localized);
+
+    // The inertial sensor.
+    answers += inertial::exercise(&pose)?;
 
     // The light, of frames with colour.
     memory.colour.view_mut().fill(black_box([3; 3]));
