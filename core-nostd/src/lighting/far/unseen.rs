@@ -5,10 +5,11 @@
 //! (half at 33 degrees), and the ambient reading as half an anchor straight ahead. What that is worth, in decibels of maps and balls, is in `isobath bench lighting`. It is still a
 //! guess: it counts 1/64 beside what was seen when anchors are blended, and the first sample replaces it.
 //!
-//! The kernel is wide, so what was seen is first gathered in 64 cells, each with a mean direction of its own: 64 terms a guess instead of 1280. A
+//! The kernel is wide, so what was seen is first gathered in 64 cells, each with a mean direction of its own: 64 terms a guess at most instead of 1280. A
 //! guess is put down only when it has moved by a sixteenth, so that maps need not follow every frame in directions that are guesses.
 //!
-//! Memory: 2 KiB of stack. Cost: about 60 ns a direction never seen, on a desktop core; nothing once all are seen.
+//! Memory: 2 KiB of stack. Cost: a term a cell that was seen and direction that was not, 32 x 640 of them at most or so: 50 us on a desktop core; nothing once all are
+//! seen.
 
 use super::{FarField, difference};
 use crate::ground::lanes::{LANES, Lanes, vectorised};
@@ -33,62 +34,78 @@ const PRIOR: f32 = 0.5;
 /// A guess is put down when it differs by more than this part from what stands.
 const STEP: f32 = 1.0 / 16.0;
 
-/// What was seen, gathered.
-struct Cells {
-    /// Sums of directions, in [`Self::close`] made unit.
-    direction: [[f32; CELLS]; 3],
-    colour: [[f32; CELLS]; 3],
-    anchors: [f32; CELLS],
+/// What was seen, gathered: eight cells a block.
+struct Cells([Block; CELLS / LANES]);
+
+#[derive(Clone, Copy)]
+struct Block {
+    /// Sums of directions, in [`Cells::close`] made half a unit long.
+    direction: [Lanes; 3],
+    colour: [Lanes; 3],
+    anchors: Lanes,
+}
+
+impl Block {
+    const EMPTY: Self = Self { direction: [Lanes::ZERO; 3], colour: [Lanes::ZERO; 3], anchors: Lanes::ZERO };
+
+    /// A cell's seven numbers.
+    fn cell(&mut self, cell: usize) -> impl Iterator<Item = &mut f32> {
+        let planes = self.direction.iter_mut().chain(&mut self.colour).chain([&mut self.anchors]);
+        planes.filter_map(move |plane| plane.0.get_mut(cell % LANES))
+    }
 }
 
 impl Cells {
-    const EMPTY: Self = Self { direction: [[0.0; CELLS]; 3], colour: [[0.0; CELLS]; 3], anchors: [0.0; CELLS] };
+    const EMPTY: Self = Self([Block::EMPTY; CELLS / LANES]);
 
-    fn add(&mut self, [x, y, z]: [f32; 3], colour: [f32; 3]) {
+    fn add(&mut self, [x, y, z]: [f32; 3], [r, g, b]: [f32; 3]) {
         let band = ((0.5 + 0.5 * y) * SIDE as f32) as usize;
         let sector = ((0.5 + turns_of(x, -z)) * SIDE as f32) as usize;
         let cell = band.min(SIDE - 1) * SIDE + sector.min(SIDE - 1);
-        let sums = self.direction.iter_mut().chain(&mut self.colour).zip([x, y, z].into_iter().chain(colour));
-        for (sums, v) in sums {
-            if let Some(sum) = sums.get_mut(cell) {
-                *sum += v;
-            }
-        }
-        if let Some(anchors) = self.anchors.get_mut(cell) {
-            *anchors += 1.0;
+        if let Some(block) = self.0.get_mut(cell / LANES) {
+            block.cell(cell).zip([x, y, z, r, g, b, 1.0]).for_each(|(sum, v)| *sum += v);
         }
     }
 
-    /// Halves the mean directions' unit vectors, as the kernel has them; those of empty cells stay zero.
-    fn close(&mut self) {
-        let [xs, ys, zs] = &mut self.direction;
-        for ((x, y), z) in xs.iter_mut().zip(ys).zip(zs) {
+    /// Moves the cells that hold anything to the front. The blocks that hold them.
+    fn close(&mut self) -> &[Block] {
+        let mut used = 0;
+        for cell in 0..CELLS {
+            let Some(block) = self.0.get_mut(cell / LANES) else { break };
+            let mut values = [0.0; 7];
+            values.iter_mut().zip(block.cell(cell)).for_each(|(to, v)| *to = core::mem::take(v));
+            let [x, y, z, .., anchors] = &mut values;
+            if *anchors == 0.0 {
+                continue;
+            }
             let norm = 0.5 * crate::ground::math::inv_sqrt_fast(*x * *x + *y * *y + *z * *z + f32::MIN_POSITIVE);
             (*x, *y, *z) = (*x * norm, *y * norm, *z * norm);
-        }
-    }
-
-    /// The guess in a direction.
-    #[inline(always)]
-    fn guess(&self, [x, y, z]: [f32; 3], ambient: [f32; 3]) -> [f32; 3] {
-        let [xs, ys, zs] = &self.direction;
-        let [reds, greens, blues] = &self.colour;
-        let mut sums = [Lanes::ZERO; 4];
-        for block in 0..CELLS / LANES {
-            let at = block * LANES;
-            let half = Lanes::load(xs, at) * x + Lanes::load(ys, at) * y + Lanes::load(zs, at) * z;
-            let half = half + Lanes::splat(0.5);
-            let fourth = half * half * half * half;
-            let weight = fourth * fourth;
-            for (sum, part) in sums.iter_mut().zip([reds, greens, blues, &self.anchors]) {
-                *sum += weight * Lanes::load(part, at);
+            if let Some(block) = self.0.get_mut(used / LANES) {
+                block.cell(used).zip(values).for_each(|(to, v)| *to = v);
             }
+            used += 1;
         }
-        let [red, green, blue, anchors] = sums.map(Lanes::sum);
-        let norm = 1.0 / (anchors + PRIOR);
-        let [r, g, b] = ambient.map(|v| v * PRIOR);
-        [(red + r) * norm, (green + g) * norm, (blue + b) * norm]
+        self.0.get(..used.div_ceil(LANES)).unwrap_or_default()
     }
+}
+
+/// The guess in a direction.
+#[inline(always)]
+fn guess(blocks: &[Block], [x, y, z]: [f32; 3], ambient: [f32; 3]) -> [f32; 3] {
+    let mut sums = [Lanes::ZERO; 4];
+    for Block { direction: [xs, ys, zs], colour: [reds, greens, blues], anchors } in blocks {
+        let half = *xs * x + *ys * y + *zs * z + Lanes::splat(0.5);
+        let square = half * half;
+        let fourth = square * square;
+        let weight = fourth * fourth;
+        for (sum, part) in sums.iter_mut().zip([reds, greens, blues, anchors]) {
+            *sum += weight * *part;
+        }
+    }
+    let [red, green, blue, anchors] = sums.map(Lanes::sum);
+    let norm = 1.0 / (anchors + PRIOR);
+    let [r, g, b] = ambient.map(|v| v * PRIOR);
+    [(red + r) * norm, (green + g) * norm, (blue + b) * norm]
 }
 
 impl<const N: usize> FarField<N> {
@@ -111,13 +128,13 @@ impl<const N: usize> FarField<N> {
                 cells.add(*direction, *colour);
             }
         }
-        cells.close();
+        let blocks = cells.close();
         let anchors = self.colour.iter_mut().zip(&self.weight).zip(&mut self.moved);
         for (direction, ((colour, weight), moved)) in Lattice::<N>::DIRECTIONS.iter().zip(anchors) {
             if *weight > 0.0 {
                 continue;
             }
-            let guess = cells.guess(*direction, self.ambient);
+            let guess = guess(blocks, *direction, self.ambient);
             let step = difference(*colour, guess);
             if step > STEP {
                 *colour = guess;
