@@ -7,6 +7,7 @@
 #![allow(clippy::missing_panics_doc, reason = "a panic is how a fuzz body reports what it found")]
 
 mod decode;
+mod devices;
 mod features;
 mod lighting;
 mod localized;
@@ -17,10 +18,11 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use isobath::glam::{Quat, Vec2, Vec3};
 
 pub use decode::{depth16, disparity, key_frame, metres, projective, rvl, u16_bytes};
+pub use devices::{bulk, d4xx, gmrb, iio, pixel_formats, uvc_metadata};
 pub use features::features;
 pub use lighting::lighting;
 pub use localized::localized;
-pub use parsers::{camera_file, depth_png, lists, npy, pgm};
+pub use parsers::{camera_file, container, depth_png, lists, message, npy, pgm};
 pub use sensing::{camera, pose, pyramid, rectify};
 
 /// One target: its name and its body.
@@ -35,6 +37,12 @@ pub const TARGETS: &[Target] = &[
     ("decode_projective", projective),
     ("decode_rvl", rvl),
     ("decode_key_frame", key_frame),
+    ("decode_pixel_formats", pixel_formats),
+    ("parse_uvc_metadata", uvc_metadata),
+    ("parse_d4xx", d4xx),
+    ("parse_gmrb", gmrb),
+    ("parse_iio", iio),
+    ("parse_bulk", bulk),
     ("camera", camera),
     ("pose", pose),
     ("rectify", rectify),
@@ -47,6 +55,8 @@ pub const TARGETS: &[Target] = &[
     ("parse_depth_png", depth_png),
     ("parse_camera_file", camera_file),
     ("parse_lists", lists),
+    ("decode_message", message),
+    ("open_messages", container),
 ];
 
 /// A number of the kind that breaks things more often than chance would: special values, camera-like values, any bits.

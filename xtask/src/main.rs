@@ -1,7 +1,7 @@
 //! `cargo xtask VERB`: the one entry point for isobath's checks, data and documents, the same on a desk and in CI.
 //!
 //! [`suites`] lists what `check` and `test` run; [`shell`] runs programs and installs what is missing; [`proof`], [`firmware`],
-//! [`fuzz`], [`c_library`], [`instructions`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
+//! [`fuzz`], [`vm`], [`c_library`], [`instructions`], [`motorcycle`] and [`peers`] are the verbs with more than one command behind them.
 
 use std::process::ExitCode;
 
@@ -17,6 +17,7 @@ mod peers;
 mod proof;
 mod shell;
 mod suites;
+mod vm;
 
 use shell::Cmd;
 
@@ -121,6 +122,17 @@ const VERBS: &[Verb] = &[
                   and change. More than the table's tolerance (3 %) above the stored count fails; so does a kernel that only one of the\n\
                   two lists has. With another compiler than the stored one, or on another target, it warns or does not compare.",
         run: instructions::verb,
+    },
+    Verb {
+        name: "vm",
+        arguments: "[--test FILE] [FILTER]... | --shell",
+        summary: "the drivers on a real Linux kernel in QEMU, with simulated cameras",
+        details: "--test FILE  only this file of tests/vm/tests (one boot of about ten seconds each)\n\
+                  FILTER       only tests whose name holds it\n\
+                  --shell      a shell in the guest instead\n\n\
+                  Fetches Debian's kernel (70 MB, once, into target/vm), and installs qemu-system-x86, busybox-static, v4l-utils and\n\
+                  libclang1 where it can. tests/vm/README.md says how the devices are made.",
+        run: vm::verb,
     },
     Verb {
         name: "docs",

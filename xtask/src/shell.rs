@@ -5,6 +5,7 @@
 
 use std::ffi::OsStr;
 use std::fmt;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Once;
@@ -32,7 +33,8 @@ impl fmt::Display for Missing {
 
 impl std::error::Error for Missing {}
 
-fn missing(what: &str, why: &str, how: &str) -> anyhow::Error {
+/// The error of a tool that is missing: what, what for, and the command that would get it.
+pub(crate) fn missing(what: &str, why: &str, how: &str) -> anyhow::Error {
     anyhow!(Missing { what: what.into(), why: why.into(), how: how.into() })
 }
 
@@ -112,6 +114,43 @@ impl Cmd {
         Ok((out.status.success(), text(&out.stdout), text(&out.stderr)))
     }
 
+    /// Gives it this terminal's input, too.
+    pub(crate) fn terminal(mut self) -> Self {
+        self.command.stdin(Stdio::inherit());
+        self
+    }
+
+    /// Runs it with its output shown as it comes, without carriage returns; its exit status, unless a signal ended it, and the last
+    /// line with something in it.
+    pub(crate) fn stream(mut self) -> Result<(Option<i32>, String)> {
+        let line = self.line();
+        let mut child =
+            self.command.stdout(Stdio::piped()).spawn().with_context(|| format!("could not start `{line}`"))?;
+        let mut from = child.stdout.take().context("its output is a pipe")?;
+        let (mut bytes, mut last, mut current) = ([0; 4096], String::new(), Vec::new());
+        let mut to = std::io::stdout().lock();
+        loop {
+            let n = from.read(&mut bytes)?;
+            if n == 0 {
+                break;
+            }
+            let shown: Vec<u8> = bytes[..n].iter().copied().filter(|b| !matches!(b, b'\r' | 0)).collect();
+            to.write_all(&shown)?;
+            to.flush()?;
+            for byte in shown {
+                if byte != b'\n' {
+                    current.push(byte);
+                } else if !current.trim_ascii().is_empty() {
+                    last = String::from_utf8_lossy(&std::mem::take(&mut current)).into_owned();
+                }
+            }
+        }
+        if !current.trim_ascii().is_empty() {
+            last = String::from_utf8_lossy(&current).into_owned();
+        }
+        Ok((child.wait()?.code(), last))
+    }
+
     /// Whether it can be started and succeeds.
     fn succeeds(self) -> bool {
         self.read().is_ok_and(|(ok, ..)| ok)
@@ -179,6 +218,15 @@ pub(crate) fn ensure_debian(program: &str, package: &str, why: &str) -> Result<(
     ))
 }
 
+/// Debian's package lists, refreshed when we are root.
+pub(crate) fn ensure_apt(why: &str) -> Result<()> {
+    if apt_is_there() {
+        apt_update();
+        return Ok(());
+    }
+    Err(missing("apt-get", why, "a Debian (or a container of one): its packages are fetched by apt"))
+}
+
 /// A Debian package that holds no program: a library, or headers.
 pub(crate) fn ensure_debian_package(package: &str, why: &str) -> Result<()> {
     let there = || {
@@ -196,14 +244,28 @@ pub(crate) fn ensure_debian_package(package: &str, why: &str) -> Result<()> {
 
 /// Installs a package when we are root and there is apt; the caller sees whether it went well.
 fn apt_install(package: &str) {
+    if is_root() && apt_is_there() {
+        apt_update();
+        let apt = Cmd::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive");
+        let _ = apt.args(["install", "-y", "-qq", "--no-install-recommends", package]).run();
+    }
+}
+
+fn is_root() -> bool {
+    Cmd::new("id").args(["-u"]).read().is_ok_and(|(_, id, _)| id.trim() == "0")
+}
+
+fn apt_is_there() -> bool {
+    Cmd::new("apt-get").args(["--version"]).succeeds()
+}
+
+/// Once in a run, and only by root.
+fn apt_update() {
     static UPDATE: Once = Once::new();
-    let root = Cmd::new("id").args(["-u"]).read().is_ok_and(|(_, id, _)| id.trim() == "0");
-    if root && Cmd::new("apt-get").args(["--version"]).succeeds() {
-        let apt = || Cmd::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive");
+    if is_root() {
         UPDATE.call_once(|| {
             // A list that could not be refreshed may still hold the package.
-            let _ = apt().args(["update", "-qq"]).run();
+            let _ = Cmd::new("apt-get").args(["update", "-qq"]).run();
         });
-        let _ = apt().args(["install", "-y", "-qq", "--no-install-recommends", package]).run();
     }
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::proof::BARE_METAL;
 use crate::shell::{Cmd, Missing, ensure_component, ensure_target};
-use crate::{c_library, firmware, fuzz, instructions, proof};
+use crate::{c_library, firmware, fuzz, instructions, proof, vm};
 
 /// One row of the table: a name to pick it by, whether the quick loop has it, what it does, and how.
 struct Suite {
@@ -108,6 +108,12 @@ const SUITES: &[Suite] = &[
         quick: false,
         what: "the hot kernels take no more instructions than the repository's table says",
         run: |_| instructions::run(),
+    },
+    Suite {
+        name: "vm",
+        quick: false,
+        what: "the drivers on a real Linux kernel in QEMU: simulated cameras, faults, unplugging",
+        run: |_| vm::run(),
     },
     Suite {
         name: "fuzz",

@@ -50,6 +50,7 @@ pub struct OwnedFrame {
     confidence: Vec<u8>,
     has_confidence: bool,
     colour: Colour,
+    spare: Spare,
     /// Metres per step of the depth values.
     pub unit: DepthUnit,
     /// The pinhole through which depth was seen.
@@ -64,10 +65,40 @@ pub struct OwnedFrame {
     pub notes: Vec<String>,
 }
 
-fn straighten<T: Copy>(pixels: &mut [T], (w, h): (usize, usize), camera: &Camera, hole: T) {
-    let bent = pixels.to_vec();
-    if let (Ok(bent), Ok(mut out)) = (ImageView::new(&bent, w, h), ImageViewMut::new(pixels, w, h)) {
+/// Memory for copies, kept from frame to frame. It is no part of what a frame is.
+#[derive(Debug, Clone, Default)]
+struct Spare {
+    u16: Vec<u16>,
+    f32: Vec<f32>,
+    u8: Vec<u8>,
+    rgb: Vec<[u8; 3]>,
+}
+
+impl PartialEq for Spare {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+fn straighten<T: Copy>(pixels: &mut [T], bent: &mut Vec<T>, (w, h): (usize, usize), camera: &Camera, hole: T) {
+    bent.clear();
+    bent.extend_from_slice(pixels);
+    if let (Ok(bent), Ok(mut out)) = (ImageView::new(bent, w, h), ImageViewMut::new(pixels, w, h)) {
         rectify(bent, camera, &camera.intrinsics, hole, &mut out);
+    }
+}
+
+fn paint<'a, D: DepthSample>(
+    rows: impl Iterator<Item = ((usize, &'a mut [[u8; 3]]), &'a [D])>,
+    unit: DepthUnit,
+    colour: &mut impl FnMut(f32, f32, f32) -> [u8; 3],
+) {
+    for ((y, out), depth) in rows {
+        for ((x, out), d) in out.iter_mut().enumerate().zip(depth) {
+            if d.is_valid() {
+                *out = colour(x as f32, y as f32, d.metres(unit));
+            }
+        }
     }
 }
 
@@ -94,6 +125,7 @@ impl OwnedFrame {
             confidence: Vec::new(),
             has_confidence: false,
             colour: Colour { pixels: Vec::new(), width: 0, height: 0, present: false },
+            spare: Spare { u16: Vec::new(), f32: Vec::new(), u8: Vec::new(), rgb: Vec::new() },
             unit: DepthUnit::MILLIMETRE,
             intrinsics: NO_CAMERA,
             pose: None,
@@ -188,7 +220,7 @@ impl OwnedFrame {
     }
 
     /// Removes the lens: depth, confidence, and colour of depth's size (which is taken to be registered to it) are seen through
-    /// the pinhole of `camera` afterwards, which becomes [`Self::intrinsics`]. Nothing is interpolated. Copies each image once.
+    /// the pinhole of `camera` afterwards, which becomes [`Self::intrinsics`]. Nothing is interpolated. Copies each image once, into memory that the frame keeps.
     pub fn straighten(&mut self, camera: &Camera) {
         self.intrinsics = camera.intrinsics;
         if camera.distortion.is_none() {
@@ -196,15 +228,15 @@ impl OwnedFrame {
         }
         let (w, h) = self.size();
         match &mut self.depth {
-            DepthPixels::U16(v) => straighten(v, (w, h), camera, u16::HOLE),
-            DepthPixels::F32(v) => straighten(v, (w, h), camera, f32::HOLE),
+            DepthPixels::U16(v) => straighten(v, &mut self.spare.u16, (w, h), camera, u16::HOLE),
+            DepthPixels::F32(v) => straighten(v, &mut self.spare.f32, (w, h), camera, f32::HOLE),
         }
         if self.has_confidence {
-            straighten(&mut self.confidence, (w, h), camera, 0);
+            straighten(&mut self.confidence, &mut self.spare.u8, (w, h), camera, 0);
         }
         let c = &mut self.colour;
         if c.present && (c.width, c.height) == (w, h) {
-            straighten(&mut c.pixels, (w, h), camera, [0; 3]);
+            straighten(&mut c.pixels, &mut self.spare.rgb, (w, h), camera, [0; 3]);
         }
     }
 
@@ -220,6 +252,21 @@ impl OwnedFrame {
         pixels.resize(width * height, [0; 3]);
         (self.colour.width, self.colour.height, self.colour.present) = (width, height, width * height > 0);
         pixels
+    }
+
+    /// Gives the frame a colour image of the depth image's size, of which each pixel is what `colour` says of the depth pixel's column, row and
+    /// depth in metres; pixels without a reading are black. How a source sees another camera's colour from the depth camera's place.
+    pub fn colour_of_points(&mut self, mut colour: impl FnMut(f32, f32, f32) -> [u8; 3]) {
+        let (width, height, unit) = (self.width, self.height, self.unit);
+        self.colour_mut(width, height);
+        if width == 0 {
+            return;
+        }
+        let rows = self.colour.pixels.chunks_mut(width).enumerate();
+        match &self.depth {
+            DepthPixels::U16(v) => paint(rows.zip(v.chunks(width)), unit, &mut colour),
+            DepthPixels::F32(v) => paint(rows.zip(v.chunks(width)), unit, &mut colour),
+        }
     }
 
     /// The frame has no colour image.
@@ -404,5 +451,10 @@ mod tests {
         frame.unit = DepthUnit::METRE;
         assert_eq!(frame.view_f32().unwrap().z(0, 0), 2.0);
         assert_eq!(crate::with_frame!(frame, |f| f.size()), (1, 1));
+
+        frame.depth_u16_mut(2, 2).copy_from_slice(&[1, 0, u16::MAX, 4]);
+        frame.colour_of_points(|x, y, z| [x as u8, y as u8, z.round() as u8]);
+        let colours: Vec<_> = frame.colour().unwrap().rows().flatten().copied().collect();
+        assert_eq!(colours, [[0, 0, 1], [0; 3], [0; 3], [1, 1, 4]]);
     }
 }

@@ -44,6 +44,8 @@ pub enum GapCause {
     Replugged,
     /// The device's clock or counter jumped: it was reset.
     Reset,
+    /// The caller was slower than the device: see [`BackPressure::Every`](crate::BackPressure::Every).
+    Overrun,
 }
 
 /// What a source is, and what it will give.
@@ -121,3 +123,33 @@ pub trait Recording: DepthSource {
     /// [`SourceError::OutOfRange`] beyond the end; the position is kept.
     fn seek(&mut self, index: usize) -> Result<(), SourceError>;
 }
+
+/// A source behind a pointer is a source.
+macro_rules! pointer {
+    ($pointer:ty) => {
+        impl<S: DepthSource + ?Sized> DepthSource for $pointer {
+            fn info(&self) -> &SourceInfo {
+                (**self).info()
+            }
+
+            fn start(&mut self) -> Result<(), SourceError> {
+                (**self).start()
+            }
+
+            fn stop(&mut self) -> Result<(), SourceError> {
+                (**self).stop()
+            }
+
+            fn stats(&self) -> StreamStats {
+                (**self).stats()
+            }
+
+            fn next_into(&mut self, frame: &mut OwnedFrame, deadline: Deadline) -> Result<Outcome, SourceError> {
+                (**self).next_into(frame, deadline)
+            }
+        }
+    };
+}
+
+pointer!(Box<S>);
+pointer!(&mut S);

@@ -67,10 +67,10 @@ use super::rvl::RvlError;
 use crate::ground::units::Timestamp;
 use crate::sensing::camera::{Intrinsics, Pose};
 
-pub use self::bytes::crc32;
 pub use self::far::{Far, FarOptions, encode_far, far_most_bytes};
 pub use self::init::{Ambient, Brightness, Init, Knobs, encode_init};
 pub use self::near::{Boundary, Near, NearOptions, encode_near, near_most_bytes};
+pub use super::crc::crc32;
 
 /// The version written, and the only one read.
 pub const VERSION: u8 = 1;

@@ -8,6 +8,7 @@ mod pyramid;
 pub(crate) mod raycast;
 mod registration;
 pub(crate) mod room;
+mod unpack;
 
 use crate::row::Row;
 
@@ -24,4 +25,5 @@ pub const ALL: &[Row] = &[
     room::ROOM,
     planning::PATH,
     registration::REGISTRATION,
+    unpack::UNPACK,
 ];

@@ -7,10 +7,18 @@
 //! | `f32` metres | [`metres`] |
 //! | disparity, z = f b / (d + doffs) | [`disparity`] |
 //! | projective (z-buffer) depth | [`projective`] |
+//! | a camera's own: packed bits, planes, nibbles, by their V4L2 names | [`format`], [`packed`], [`planes`] |
+//! | Kinect v1 disparity | [`kinect`] |
 //!
 //! Each writes caller memory, reads each pixel once, needs no scratch, and reports how many pixels became readings, how
 //! many were holes already, and how many depths did not fit the output's unit (those become holes too: nothing is clamped
-//! to a wrong depth).
+//! to a wrong depth). The camera's own formats unpack to raw codes; what a code means is the device's matter, so they have
+//! no report unless they hold depth.
+
+pub mod format;
+pub mod kinect;
+pub mod packed;
+pub mod planes;
 
 use core::fmt;
 
@@ -116,19 +124,8 @@ pub fn u16_bytes(
     out: &mut ImageViewMut<'_, u16>,
 ) -> Result<DecodeReport, DecodeError> {
     let (width, height) = out.size();
-    let row = width.saturating_mul(2);
-    if stride < row {
-        return Err(DecodeError::StrideBelowRow { stride, row });
-    }
-    if width == 0 || height == 0 {
-        return Ok(DecodeReport::default());
-    }
-    let needed = (height - 1).saturating_mul(stride).saturating_add(row);
-    if bytes.len() < needed {
-        return Err(DecodeError::TooShort { needed, got: bytes.len() });
-    }
     let mut valid = 0;
-    for (y, line) in bytes.chunks(stride).take(height).enumerate() {
+    for (y, line) in lines(bytes, stride, width.saturating_mul(2), height)?.enumerate() {
         let pixels = out.row_mut(y);
         let (pairs, _) = line.as_chunks::<2>();
         match order {
@@ -139,14 +136,37 @@ pub fn u16_bytes(
     Ok(DecodeReport { valid, holes: width * height - valid, out_of_range: 0 })
 }
 
+/// The rows of an image in bytes: `row` bytes each at least, `stride` from one to the next.
+fn lines(bytes: &[u8], stride: usize, row: usize, height: usize) -> Result<impl Iterator<Item = &[u8]>, DecodeError> {
+    if stride < row {
+        return Err(DecodeError::StrideBelowRow { stride, row });
+    }
+    let height = if row == 0 { 0 } else { height };
+    let needed = match height.checked_sub(1) {
+        None => 0,
+        Some(gaps) => gaps.saturating_mul(stride).saturating_add(row),
+    };
+    if bytes.len() < needed {
+        return Err(DecodeError::TooShort { needed, got: bytes.len() });
+    }
+    Ok(bytes.chunks(stride.max(1)).take(height))
+}
+
+/// Pixels whose valid ones are counted in 16 bits, as many lanes as the pixels have: counting in a `usize` costs more than copying.
+const COUNTED: usize = 64;
+
 #[inline(always)]
 fn copy_row(out: &mut [u16], pairs: &[[u8; 2]], read: impl Fn([u8; 2]) -> u16) -> usize {
     let mut valid = 0_usize;
-    for (pixel, pair) in out.iter_mut().zip(pairs) {
-        let value = read(*pair);
-        let ok = value.is_valid();
-        *pixel = if ok { value } else { 0 };
-        valid += usize::from(ok);
+    for (out, pairs) in out.chunks_mut(COUNTED).zip(pairs.chunks(COUNTED)) {
+        let mut here = 0_u16;
+        for (pixel, pair) in out.iter_mut().zip(pairs) {
+            let value = read(*pair);
+            let ok = value.is_valid();
+            *pixel = if ok { value } else { 0 };
+            here += u16::from(ok);
+        }
+        valid += usize::from(here);
     }
     valid
 }

@@ -1,0 +1,6 @@
+//! The simulated devices.
+
+pub mod d435;
+pub mod generic;
+pub mod headset;
+pub mod kinect;
