@@ -22,7 +22,7 @@ pub use devices::{bulk, d4xx, gmrb, iio, pixel_formats, uvc_metadata};
 pub use features::features;
 pub use lighting::lighting;
 pub use localized::localized;
-pub use parsers::{camera_file, depth_png, lists, npy, pgm};
+pub use parsers::{camera_file, container, depth_png, lists, message, npy, pgm};
 pub use sensing::{camera, pose, pyramid, rectify};
 
 /// One target: its name and its body.
@@ -55,6 +55,8 @@ pub const TARGETS: &[Target] = &[
     ("parse_depth_png", depth_png),
     ("parse_camera_file", camera_file),
     ("parse_lists", lists),
+    ("decode_message", message),
+    ("open_messages", container),
 ];
 
 /// A number of the kind that breaks things more often than chance would: special values, camera-like values, any bits.

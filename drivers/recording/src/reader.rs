@@ -14,8 +14,11 @@ use crate::camera_file::{CameraFile, Format};
 use crate::files::{in_file, read_image, read_text};
 use crate::layout::{Entry, Listing, PoseFrom, recognise};
 use crate::parse::{
-    MAX_PIXELS, MAX_SIDE, RawImage, RawPixels, check_png_data, checked_pixels, decode_depth_png, parse_npy, parse_pgm,
+    MAX_PIXELS, MAX_SIDE, ParseError, RawImage, RawPixels, check_png_data, checked_pixels, decode_depth_png, parse_npy,
+    parse_pgm,
 };
+use crate::store::Input;
+use crate::{bag, mcap, stream};
 
 /// How to open a recording.
 ///
@@ -67,6 +70,10 @@ const PROBES: usize = 8;
 /// images. Images after the first are judged when they are read.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Recording>, SourceError> {
     let known = known(path, options)?;
+    if is_messages(path) {
+        let options = OpenOptions { set: known.values, ..options.clone() };
+        return Ok(Box::new(stream::open(Input::open(path)?, &options)?));
+    }
     let Listing { kind, mut entries, mut notes } = recognise(path, &known.values, options.association)?;
     if !options.colour {
         entries.iter_mut().for_each(|e| e.colour = None);
@@ -107,6 +114,24 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Recording>, So
         notes,
     };
     Ok(Box::new(FileRecording { info, entries, known, calibration, next: 0, bytes }))
+}
+
+/// Opens an MCAP file or a bag that is in memory. `name` is what errors call it.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<Box<dyn Recording>, SourceError> {
+    Ok(Box::new(stream::open(Input::of_bytes(bytes, name), options)?))
+}
+
+/// Whether a file begins as MCAP or as a ROS 1 bag, or is called so.
+#[must_use]
+pub fn is_messages(path: &Path) -> bool {
+    let mut head = [0; 16];
+    let read = std::fs::File::open(path).and_then(|mut f| std::io::Read::read(&mut f, &mut head));
+    let head = head.get(..read.unwrap_or(0)).unwrap_or(&[]);
+    let called = path.extension().is_some_and(|e| e == "mcap" || e == "bag");
+    head.starts_with(mcap::MAGIC) || head.starts_with(bag::MAGIC) || (called && path.is_file())
 }
 
 /// The values of the camera file and of the caller.
@@ -374,19 +399,19 @@ fn convert(
     Ok(())
 }
 
-/// Reads a colour image of any kind that the `image` crate knows, within bounds.
+/// Reads a colour image file.
 fn load_colour(path: &Path, bytes: &mut Vec<u8>, frame: &mut OwnedFrame) -> Result<(), SourceError> {
     read_image(path, bytes)?;
-    let broken = |what: String| SourceError::Format {
-        path: path.into(),
-        line: None,
-        what,
-        hint: "PNG, JPEG and PNM are read".into(),
-    };
-    let unreadable = |e: image::ImageError| broken(format!("not readable as an image: {e}"));
-    let mut reader = image::ImageReader::new(Cursor::new(bytes.as_slice()))
+    decode_colour(bytes, frame).map_err(in_file(path))
+}
+
+/// Decodes a colour image of any kind that the `image` crate knows, within bounds.
+pub(crate) fn decode_colour(bytes: &[u8], frame: &mut OwnedFrame) -> Result<(), ParseError> {
+    let unreadable =
+        |e: image::ImageError| ParseError::new(format!("not readable as an image: {e}"), "PNG, JPEG and PNM are read");
+    let mut reader = image::ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
-        .map_err(|e| SourceError::io(path, e))?;
+        .map_err(|e| unreadable(image::ImageError::IoError(e)))?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(MAX_SIDE as u32);
@@ -395,10 +420,10 @@ fn load_colour(path: &Path, bytes: &mut Vec<u8>, frame: &mut OwnedFrame) -> Resu
     // Sizes are checked before pixels are made: a small file may declare a huge image.
     let decoder = reader.into_decoder().map_err(unreadable)?;
     let (width, height) = decoder.dimensions();
-    let pixels = checked_pixels(width as usize, height as usize).map_err(in_file(path))?;
+    let pixels = checked_pixels(width as usize, height as usize)?;
     if bytes.starts_with(b"\x89PNG") {
         let bits = u64::from(decoder.original_color_type().bits_per_pixel());
-        check_png_data(bytes, pixels as u64 * bits / 8).map_err(in_file(path))?;
+        check_png_data(bytes, pixels as u64 * bits / 8)?;
     }
     let image = image::DynamicImage::from_decoder(decoder).map_err(unreadable)?.into_rgb8();
     let (width, height) = (image.width() as usize, image.height() as usize);

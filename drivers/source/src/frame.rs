@@ -71,6 +71,20 @@ fn straighten<T: Copy>(pixels: &mut [T], (w, h): (usize, usize), camera: &Camera
     }
 }
 
+fn paint<'a, D: DepthSample>(
+    rows: impl Iterator<Item = ((usize, &'a mut [[u8; 3]]), &'a [D])>,
+    unit: DepthUnit,
+    colour: &mut impl FnMut(f32, f32, f32) -> [u8; 3],
+) {
+    for ((y, out), depth) in rows {
+        for ((x, out), d) in out.iter_mut().enumerate().zip(depth) {
+            if d.is_valid() {
+                *out = colour(x as f32, y as f32, d.metres(unit));
+            }
+        }
+    }
+}
+
 /// What an empty frame carries until a source fills it.
 const NO_CAMERA: Intrinsics = match Intrinsics::new(1.0, 1.0, 0.0, 0.0) {
     Ok(k) => k,
@@ -220,6 +234,21 @@ impl OwnedFrame {
         pixels.resize(width * height, [0; 3]);
         (self.colour.width, self.colour.height, self.colour.present) = (width, height, width * height > 0);
         pixels
+    }
+
+    /// Gives the frame a colour image of the depth image's size, of which each pixel is what `colour` says of the depth pixel's column, row and
+    /// depth in metres; pixels without a reading are black. How a source sees another camera's colour from the depth camera's place.
+    pub fn colour_of_points(&mut self, mut colour: impl FnMut(f32, f32, f32) -> [u8; 3]) {
+        let (width, height, unit) = (self.width, self.height, self.unit);
+        self.colour_mut(width, height);
+        if width == 0 {
+            return;
+        }
+        let rows = self.colour.pixels.chunks_mut(width).enumerate();
+        match &self.depth {
+            DepthPixels::U16(v) => paint(rows.zip(v.chunks(width)), unit, &mut colour),
+            DepthPixels::F32(v) => paint(rows.zip(v.chunks(width)), unit, &mut colour),
+        }
     }
 
     /// The frame has no colour image.
@@ -404,5 +433,10 @@ mod tests {
         frame.unit = DepthUnit::METRE;
         assert_eq!(frame.view_f32().unwrap().z(0, 0), 2.0);
         assert_eq!(crate::with_frame!(frame, |f| f.size()), (1, 1));
+
+        frame.depth_u16_mut(2, 2).copy_from_slice(&[1, 0, u16::MAX, 4]);
+        frame.colour_of_points(|x, y, z| [x as u8, y as u8, z.round() as u8]);
+        let colours: Vec<_> = frame.colour().unwrap().rows().flatten().copied().collect();
+        assert_eq!(colours, [[0, 0, 1], [0; 3], [0; 3], [1, 1, 4]]);
     }
 }

@@ -1,10 +1,11 @@
 //! The parsers of recordings: files and lists of any content. An error must say something; what is accepted must hold together.
 
-use isobath_recording::CameraFile;
 use isobath_recording::parse::{
-    self, NpyData, ParseError, RawImage, RawPixels, decode_depth_png, parse_npy, parse_pgm, parse_pose_list,
-    parse_pose_matrix, parse_trajectory_log, parse_tum_list, parse_tum_poses,
+    self, NpyData, ParseError, RawImage, RawPixels, decode_depth_png, parse_imu_csv, parse_npy, parse_pgm,
+    parse_pose_list, parse_pose_matrix, parse_trajectory_log, parse_tum_list, parse_tum_poses,
 };
+use isobath_recording::{CameraFile, OpenOptions, open_bytes};
+use isobath_source::{Deadline, Outcome, OwnedFrame};
 
 fn speaks<T>(result: Result<T, ParseError>) -> Option<T> {
     match result {
@@ -24,6 +25,46 @@ fn holds(image: &RawImage) {
     };
     assert_eq!(count, image.width * image.height);
     assert!(count > 0 && count <= parse::MAX_PIXELS);
+}
+
+/// Messages of every kind and encoding: the first byte chooses.
+pub fn message(data: &[u8]) {
+    use isobath_recording::messages::{Encoding, Kind, Message, decode};
+    const KINDS: [Kind; 10] = [
+        Kind::Image,
+        Kind::CompressedImage,
+        Kind::CameraInfo,
+        Kind::Transforms,
+        Kind::Transform,
+        Kind::BareTransform,
+        Kind::Pose,
+        Kind::Imu,
+        Kind::MagneticField,
+        Kind::Number,
+    ];
+    const ENCODINGS: [Encoding; 4] = [Encoding::Cdr, Encoding::Ros1, Encoding::Protobuf, Encoding::Json];
+    let Some((&which, bytes)) = data.split_first() else { return };
+    let which = usize::from(which);
+    let (kind, encoding) = (KINDS[which % KINDS.len()], ENCODINGS[which / KINDS.len() % ENCODINGS.len()]);
+    match speaks(decode(kind, encoding, bytes)) {
+        Some(Message::Image(image)) => assert!(image.data.len() <= bytes.len()),
+        // A transform takes bytes: none is made of nothing (an empty protobuf message takes two).
+        Some(Message::Transforms(list)) => assert!(list.len() <= bytes.len() + 1),
+        _ => {}
+    }
+}
+
+/// Whole files of messages, MCAP and bags: what opens has frames whose parts agree.
+pub fn container(data: &[u8]) {
+    let Ok(mut recording) = open_bytes(data.to_vec(), "fuzz", &OpenOptions::default()) else { return };
+    let mut frame = OwnedFrame::new();
+    for _ in 0..recording.len().min(4) {
+        if matches!(recording.next_into(&mut frame, Deadline::NEVER), Ok(Outcome::Frame)) {
+            let (w, h) = frame.size();
+            assert!(w * h > 0 && w * h <= parse::MAX_PIXELS);
+            assert!(frame.intrinsics.fx().is_finite() && frame.unit.metres() > 0.0);
+        }
+    }
 }
 
 /// NPY arrays.
@@ -66,6 +107,7 @@ pub fn lists(data: &[u8]) {
         assert!(speaks(parse_tum_poses(text)).is_none_or(|l| l.len() <= lines));
         assert!(speaks(parse_trajectory_log(text)).is_none_or(|l| l.len() <= lines));
         assert!(speaks(parse_pose_list(text)).is_none_or(|l| l.len() <= lines));
+        assert!(speaks(parse_imu_csv(text)).is_none_or(|l| l.len() <= lines));
         let _ = speaks(parse_pose_matrix(text));
     }
 }

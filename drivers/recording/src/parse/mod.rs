@@ -3,6 +3,7 @@
 //! None of them panics, and none allocates more than a small multiple of what it was given, or of [`MAX_PIXELS`]. What they
 //! refuse, they refuse with a [`ParseError`]: the line where there is one, what is wrong, what to do.
 
+mod imu_csv;
 mod npy;
 mod pgm;
 mod png16;
@@ -12,6 +13,7 @@ mod trajectory;
 mod tum;
 
 pub use crate::camera_file::CameraFile;
+pub use imu_csv::parse_imu_csv;
 pub use npy::{NpyArray, NpyData, NpySlice, parse_npy, write_npy};
 pub use pgm::parse_pgm;
 pub(crate) use png16::check_png_data;

@@ -50,8 +50,19 @@ pub fn parse_tum_poses(text: &str) -> Result<Vec<(Timestamp, RawPose)>, ParseErr
         .collect()
 }
 
+/// Plain digits exactly: `f64` seconds since 1970 know 0.2 microseconds only.
+fn exact(word: &str) -> Option<Timestamp> {
+    let (sign, digits) = word.strip_prefix('-').map_or((1, word), |digits| (-1, digits));
+    let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+    if whole.is_empty() || part.len() > 9 || !whole.bytes().chain(part.bytes()).all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let nanos: i64 = format!("{whole}{part:0<9}").parse().ok()?;
+    Some(Timestamp::from_nanos(sign * nanos))
+}
+
 fn timestamp(line: usize, word: &str, hint: &str) -> Result<Timestamp, ParseError> {
-    let seconds = word.parse::<f64>().ok().and_then(Timestamp::from_seconds);
+    let seconds = exact(word).or_else(|| word.parse::<f64>().ok().and_then(Timestamp::from_seconds));
     seconds.ok_or_else(|| ParseError::at(line, format!("{} is not a time in seconds", quoted(word)), hint))
 }
 

@@ -28,9 +28,9 @@ pub const ANSWER_BYTES: usize = 0x200;
 pub const READ_REGISTER: u16 = 2;
 /// Writes a register: payload its number and its value.
 pub const WRITE_REGISTER: u16 = 3;
-/// The constants of the reference plane: [`FIXED_PARAMS_PAYLOAD`], [`fixed_params`].
+/// The constants of the reference plane: [`FIXED_PARAMS_PAYLOAD`], [`constants`].
 pub const FIXED_PARAMS: u16 = 4;
-/// Other constants: [`algorithm_params_payload`], [`shift`].
+/// Other constants: [`algorithm_params_payload`], [`constants`].
 pub const ALGORITHM_PARAMS: u16 = 0x16;
 
 /// Register and value, in this order, start depth of 11 bits at 30 frames a second: the projector does not cycle, depth off, 11 bits, 640x480,

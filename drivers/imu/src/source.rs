@@ -1,0 +1,274 @@
+//! The source: one sensor that measures both, or a gyroscope and the accelerometer beside it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use isobath::ground::units::Timestamp;
+use isobath::sensing::imu::ImuSample;
+use isobath_source::{
+    Clock, ClockEvent, Deadline, DeviceClock, Gap, GapCause, HostNanos, ImuInfo, ImuOutcome, ImuSource, LinkKind,
+    SourceError, SystemClock,
+};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use crate::device::{Device, Quirk, Scan};
+use crate::merge::Merger;
+use crate::sysfs::{Found, Root, describe, list, partner};
+
+/// Intel.
+const REALSENSE: u16 = 0x8086;
+/// A stamp this near to now is of the host's own clock: 2 s.
+const NEAR: u64 = 2_000_000_000;
+/// After this silence of one of two sensors, while the other speaks, it is an error.
+const SILENCE: Duration = Duration::from_secs(2);
+/// One wait is no longer than this.
+const SLICE: Duration = Duration::from_millis(500);
+
+/// What can be chosen.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Options {
+    /// Where the system keeps its devices.
+    pub root: Root,
+    /// Readings a second to ask for; the driver's own when `None`.
+    pub rate_hz: Option<f32>,
+    /// How to read the numbers; by the device when `None`: a RealSense is taken to have firmware 5.16 or later, and says so.
+    pub quirk: Option<Quirk>,
+}
+
+/// Inertial readings of IIO.
+pub struct IioImu {
+    info: ImuInfo,
+    /// The gyroscope, or the sensor that is both, first.
+    devices: [Option<Device>; 2],
+    heard: [HostNanos; 2],
+    merger: Merger,
+    clock: Box<dyn Clock + Send>,
+    /// Of the sensors' stamps, when they are not the host's.
+    device_clock: Option<DeviceClock>,
+    decided: bool,
+    gap: Option<Gap>,
+    gone: bool,
+}
+
+impl std::fmt::Debug for IioImu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("IioImu").field("info", &self.info).finish_non_exhaustive()
+    }
+}
+
+/// Opens a sensor and starts it: `path` is its directory (`/sys/bus/iio/devices/iio:device0`), its name there (`iio:device0`), or, when `None`,
+/// the first gyroscope. One that is only a gyroscope is joined by the accelerometer nearest to it.
+///
+/// # Errors
+/// [`SourceError`]: there is none, it may not be used, or its driver is not understood.
+pub fn open(path: Option<&Path>, options: &Options) -> Result<IioImu, SourceError> {
+    IioImu::open_at(path, options, Box::new(SystemClock))
+}
+
+impl IioImu {
+    /// As [`open`], by another clock.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn open_at(path: Option<&Path>, options: &Options, clock: Box<dyn Clock + Send>) -> Result<Self, SourceError> {
+        let all = list(&options.root);
+        let missing = |path: PathBuf, what: &str| SourceError::Unsupported {
+            path,
+            what: what.to_owned(),
+            hint: "isobath devices lists the sensors; ls /sys/bus/iio/devices shows what the kernel has".to_owned(),
+        };
+        let sysfs = || options.root.sysfs.clone();
+        let first = match path {
+            None => all.iter().find(|f| f.gyroscope).cloned().ok_or_else(|| missing(sysfs(), "no gyroscope"))?,
+            Some(path) => {
+                let path = options.root.sysfs.join(path);
+                describe(&path).ok_or_else(|| missing(path, "no inertial sensor with a buffer"))?
+            }
+        };
+        let second = match (first.gyroscope, first.accelerometer) {
+            (true, true) => None,
+            _ => Some(partner(&first, &all).cloned().ok_or_else(|| {
+                missing(first.path.clone(), "it measures only one of rate and force, and there is no other")
+            })?),
+        };
+        let (gyroscope, accelerometer) = match second {
+            Some(second) if !first.gyroscope => (second, Some(first)),
+            second => (first, second),
+        };
+        Self::start(&gyroscope, accelerometer.as_ref(), options, clock)
+    }
+
+    fn start(
+        gyroscope: &Found,
+        accelerometer: Option<&Found>,
+        options: &Options,
+        clock: Box<dyn Clock + Send>,
+    ) -> Result<Self, SourceError> {
+        let mut notes = Vec::new();
+        let realsense = gyroscope.usb.is_some_and(|(vendor, _)| vendor == REALSENSE) && gyroscope.name == "gyro_3d";
+        let quirk = match options.quirk {
+            Some(quirk) => quirk,
+            None if realsense => {
+                notes.push("RealSense scales of firmware 5.16 and later are assumed; say so if it is older".to_owned());
+                Quirk::RealSense
+            }
+            None => Quirk::None,
+        };
+        let on = |found: &Found| Device::start(&options.root, found, quirk, options.rate_hz);
+        // Should the second fail, the first is switched off by being dropped.
+        let first = on(gyroscope)?;
+        let second = accelerometer.map(on).transpose()?;
+        let mut kind = gyroscope.name.clone();
+        let rate_hz = first.rate_hz;
+        notes.extend(first.notes.iter().cloned());
+        if let Some(second) = &second {
+            kind = format!("{kind} + {}", second.found().name);
+            notes.extend(second.notes.iter().cloned());
+            notes.push("the accelerometer is interpolated at the gyroscope's times".to_owned());
+        }
+        notes.dedup();
+        let now = clock.now();
+        Ok(Self {
+            info: ImuInfo { kind: format!("{kind} (IIO)"), path: gyroscope.path.clone(), rate_hz, notes },
+            devices: [Some(first), second],
+            heard: [now; 2],
+            merger: Merger::new(),
+            clock,
+            device_clock: None,
+            decided: false,
+            gap: None,
+            gone: false,
+        })
+    }
+
+    /// Readings that were dropped: stamps that can't be, rates without a force.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.merger.lost() + self.devices.iter().flatten().map(Device::dropped).sum::<u64>()
+    }
+
+    /// Takes what the sensors have, without waiting: whether anything came.
+    fn take(&mut self) -> Result<bool, SourceError> {
+        let Self { devices, heard, merger, clock, device_clock, decided, gap, .. } = self;
+        let mut came = 0;
+        for (device, heard) in devices.iter_mut().zip(heard) {
+            let Some(device) = device else { continue };
+            let now = clock.now();
+            let scans = device.scans(|Scan { stamp, rate, force }| {
+                if !*decided {
+                    *decided = true;
+                    let near = stamp.cast_unsigned().abs_diff(now.0) <= NEAR;
+                    *device_clock = if near { None } else { DeviceClock::new(64, 1e9) };
+                }
+                let time = match device_clock {
+                    None => stamp,
+                    Some(map) => {
+                        let (ticks, event) = map.observe(stamp.cast_unsigned(), now);
+                        if event == ClockEvent::Jump {
+                            *gap = Some(Gap { cause: GapCause::Reset, lost: None });
+                            merger.clear();
+                        }
+                        map.to_host(ticks).map_or(stamp, |host| host.timestamp().as_nanos())
+                    }
+                };
+                if let Some(force) = force {
+                    merger.force(time, force);
+                }
+                if let Some(rate) = rate {
+                    merger.rate(time, rate);
+                }
+            })?;
+            if scans > 0 {
+                *heard = now;
+            }
+            came += scans;
+        }
+        Ok(came > 0)
+    }
+
+    /// Waits until a sensor has something, or the time is up.
+    fn wait(&self, time: Duration) -> Result<(), SourceError> {
+        let [Some(first), second] = &self.devices else { return Ok(()) };
+        let timeout =
+            Timespec { tv_sec: i64::try_from(time.as_secs()).unwrap_or(i64::MAX), tv_nsec: time.subsec_nanos().into() };
+        let mut fds =
+            [PollFd::from_borrowed_fd(first.fd(), PollFlags::IN), PollFd::from_borrowed_fd(first.fd(), PollFlags::IN)];
+        let mut count = 1;
+        if let Some(second) = second {
+            fds[1] = PollFd::from_borrowed_fd(second.fd(), PollFlags::IN);
+            count = 2;
+        }
+        let fds = fds.get_mut(..count).unwrap_or_default();
+        match poll(fds, Some(&timeout)) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => {}
+            Err(e) => return Err(SourceError::io(&self.info.path, io::Error::from(e))),
+        }
+        // Hung up and nothing left to read: polling again would answer at once, and for ever.
+        let over = fds.iter().any(|fd| {
+            let now = fd.revents();
+            now.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL) && !now.contains(PollFlags::IN)
+        });
+        if over { Err(self.disconnected()) } else { Ok(()) }
+    }
+
+    fn disconnected(&self) -> SourceError {
+        SourceError::Disconnected { device: self.info.path.display().to_string() }
+    }
+
+    fn fill(&mut self, out: &mut [ImuSample], deadline: Deadline) -> Result<ImuOutcome, SourceError> {
+        loop {
+            if let Some(gap) = self.gap.take() {
+                return Ok(ImuOutcome::Recovered(gap));
+            }
+            let came = self.take()?;
+            let mut count = 0;
+            for place in &mut *out {
+                let Some((time, rate, force)) = self.merger.pop() else { break };
+                *place = ImuSample { time: Timestamp::from_nanos(time), rate, force, field: None };
+                count += 1;
+            }
+            if count > 0 {
+                return Ok(ImuOutcome::Samples(count));
+            }
+            let now = self.clock.now();
+            if self.devices[1].is_some() {
+                let [a, b] = self.heard;
+                if a.saturating_since(b).max(b.saturating_since(a)) > SILENCE {
+                    // Once: what is heard from here on counts anew.
+                    self.heard = [now; 2];
+                    return Err(SourceError::Link {
+                        path: self.info.path.clone(),
+                        kind: LinkKind::NoAnswer,
+                        doing: "waiting for one of gyroscope and accelerometer, while the other speaks",
+                        error: None,
+                    });
+                }
+            }
+            if deadline.has_passed(now) {
+                return Ok(ImuOutcome::TimedOut);
+            }
+            if !came {
+                self.wait(deadline.remaining(now).unwrap_or(SLICE).min(SLICE))?;
+            }
+        }
+    }
+}
+
+impl ImuSource for IioImu {
+    fn info(&self) -> &ImuInfo {
+        &self.info
+    }
+
+    fn read(&mut self, out: &mut [ImuSample], deadline: Deadline) -> Result<ImuOutcome, SourceError> {
+        if self.gone {
+            return Err(self.disconnected());
+        }
+        if out.is_empty() {
+            return Ok(ImuOutcome::TimedOut);
+        }
+        let result = self.fill(out, deadline);
+        self.gone |= result.as_ref().is_err_and(SourceError::is_terminal);
+        result
+    }
+}

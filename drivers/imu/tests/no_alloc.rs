@@ -1,0 +1,60 @@
+//! Nothing is allocated once a sensor runs. One test in its own program, so that no other test's memory is counted.
+
+#![cfg(unix)]
+#![allow(unsafe_code, reason = "a counting global allocator can't be written without")]
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use common::{ACCEL, GYRO, TIMESTAMP, Tree, now, send};
+use isobath::glam::Vec3;
+use isobath::ground::units::Timestamp;
+use isobath::sensing::imu::ImuSample;
+use isobath_imu::open;
+use isobath_source::{Deadline, ImuOutcome, ImuSource};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::SeqCst);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+#[test]
+fn a_thousand_readings_without_an_allocation() {
+    let tree = Tree::new();
+    let kinds: Vec<(&str, &str)> = GYRO.iter().chain(&ACCEL).map(|n| (*n, "le:s16/16>>0")).chain([TIMESTAMP]).collect();
+    let mut pipe = tree.sensor(0, "x", None, &kinds, &[]);
+    let mut imu = open(None, &tree.options()).unwrap();
+    let empty = ImuSample { time: Timestamp::ZERO, rate: Vec3::ZERO, force: Vec3::ZERO, field: None };
+    let mut out = [empty; 8];
+    let mut scan = [7_u8; 24];
+    let (start, mut count, mut before) = (now(), 0, 0);
+    for i in 0..1100_i64 {
+        if i == 100 {
+            before = ALLOCATIONS.load(Ordering::SeqCst);
+        }
+        scan[16..].copy_from_slice(&(start + i * 1_000_000).to_le_bytes());
+        send(&mut pipe, &scan);
+        if let ImuOutcome::Samples(n) = imu.read(&mut out, Deadline::NEVER).unwrap() {
+            count += n;
+        }
+    }
+    assert_eq!((count, ALLOCATIONS.load(Ordering::SeqCst) - before), (1100, 0));
+}
