@@ -33,7 +33,10 @@ impl Gadget {
     /// # Errors
     /// A module is not loaded, or the kernel refuses.
     pub fn bind<D: Device>(mut device: D) -> io::Result<Self> {
-        let identity = device.descriptors().identity;
+        let described = device.descriptors();
+        let identity = described.identity;
+        // The interface's descriptor follows the configuration's nine bytes.
+        let class = described.configuration.get(14..17).and_then(|c| c.try_into().ok()).unwrap_or([0xff, 0, 0]);
         let gadget = Path::new(GADGET);
         if !gadget.parent().is_some_and(Path::is_dir) {
             mount("configfs", "/sys/kernel/config")?;
@@ -56,7 +59,7 @@ impl Gadget {
         fs::create_dir_all(FUNCTION)?;
         mount("functionfs", FUNCTION)?;
         let mut control = open("ep0")?;
-        control.write_all(&descriptors())?;
+        control.write_all(&descriptors(class))?;
         control.write_all(&strings_block())?;
         let stop = Arc::new(AtomicBool::new(false));
         let (over, start) = (Arc::clone(&stop), Instant::now());
@@ -108,13 +111,13 @@ fn open(file: &str) -> io::Result<File> {
 }
 
 /// Descriptors at three speeds, behind a header (version 2).
-fn descriptors() -> Vec<u8> {
+fn descriptors([class, subclass, protocol]: [u8; 3]) -> Vec<u8> {
     const MAGIC: u32 = 3;
     const ALL_SPEEDS: u32 = 1 | 2 | 4;
     let endpoint = |speed| Endpoint { address: 0x81, kind: Kind::Bulk }.descriptor(speed);
     let mut full = endpoint(Speed::High);
     full[4..6].copy_from_slice(&[64, 0]);
-    let interface = [9, 4, 0, 0, 1, 0xff, 0, 0, 1];
+    let interface = [9, 4, 0, 0, 1, class, subclass, protocol, 1];
     let all = [full, endpoint(Speed::High), endpoint(Speed::Super)].map(|e| [&interface[..], &e].concat());
     // Interface and endpoint; at 5 Gbit/s with its companion, three.
     let counts = [2u32, 2, 3];

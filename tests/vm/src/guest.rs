@@ -129,3 +129,19 @@ pub fn uvc_hands_broken_frames_over(on: bool) {
     let file = "/sys/module/uvcvideo/parameters/nodrop";
     fs::write(file, if on { "1" } else { "0" }).expect("uvcvideo is loaded");
 }
+
+/// Unloads a module, once nobody uses it any more.
+///
+/// # Panics
+/// When it stays in use: the test has failed.
+pub fn unload(module: &str) {
+    wait_for("a module to be unused", || {
+        Command::new("rmmod").arg(module).status().is_ok_and(|s| s.success()).then_some(())
+    });
+}
+
+/// Files that this process has open.
+#[must_use]
+pub fn open_files() -> usize {
+    fs::read_dir("/proc/self/fd").map_or(0, Iterator::count)
+}

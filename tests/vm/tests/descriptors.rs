@@ -74,7 +74,7 @@ fn every_profile_describes_itself_well() {
         well_formed(&gemini_336("o", speed).0.descriptors());
     }
     for speed in [Speed::High, Speed::Super] {
-        well_formed(&Headset::new("h", (1, 2), speed).descriptors());
+        well_formed(&Headset::new("h", (1, 2), [0xff, 1, 2], speed).descriptors());
     }
     well_formed(&Kinect::new("k").descriptors());
 }
