@@ -202,7 +202,11 @@ fn metadata<O: V4l2Open>(
     node: &Node,
     notes: &mut Vec<String>,
 ) -> Option<MetaStream<O::Sys>> {
-    for sibling in options.roots.siblings(node).into_iter().filter(|s| s.interface == node.interface) {
+    // A UVC interface may have several streams; each one's metadata node is the next one registered.
+    let mut siblings = options.roots.siblings(node);
+    siblings.retain(|s| s.interface == node.interface);
+    siblings.sort_by_key(|s| (s.index < node.index, s.index));
+    for sibling in siblings {
         match look(opener, &sibling.path.clone(), Some(sibling.clone())) {
             Ok(opened) if opened.kind == Kind::Meta => match MetaStream::new(opened.sys) {
                 Ok(meta) => return Some(meta),

@@ -49,7 +49,9 @@ pub struct Frame {
 
 /// What a buffer is worth.
 enum Worth {
-    Whole { lost: u64 },
+    Whole {
+        lost: u64,
+    },
     Nothing,
     /// Given back empty, because a transfer failed.
     Cancelled,
