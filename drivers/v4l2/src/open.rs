@@ -324,6 +324,9 @@ pub fn open_with<O: V4l2Open>(
     }
     let device_clock = meta.as_ref().and(facts.clock_hz).and_then(|hz| DeviceClock::new(32, hz));
     notes.push(match &meta {
+        Some(meta) if device_clock.is_some() && meta.format() == crate::meta::BARE => {
+            "times are by the camera's clock (UVCH); the exposure and the camera's own count are not known: this kernel does not hand the camera's metadata over (Linux 6.17 does)".into()
+        }
         Some(meta) if device_clock.is_some() => {
             format!("times are of the exposure's middle, by the camera's clock ({})", meta.format())
         }
