@@ -49,8 +49,12 @@ pub struct Frame {
 
 /// What a buffer is worth.
 enum Worth {
-    Whole { lost: u64 },
+    Whole {
+        lost: u64,
+    },
     Nothing,
+    /// Given back empty, because a transfer failed.
+    Cancelled,
 }
 
 /// A node that streams.
@@ -323,6 +327,11 @@ impl<S: V4l2Sys> Stream<S> {
                                 return Ok(self.deliver(buffer));
                             }
                         }
+                        // uvcvideo does not send a failed transfer again: when all have failed (an endpoint that halted), nothing ever comes.
+                        Worth::Cancelled => {
+                            let doing = "waiting for a frame (a transfer failed)";
+                            self.broken = Some(Failure { doing, errno: Errno::EPIPE });
+                        }
                         Worth::Nothing => {
                             self.give(buffer.index);
                             useless += 1;
@@ -397,13 +406,13 @@ impl<S: V4l2Sys> Stream<S> {
         // What uvcvideo gives back after a failed transfer: flagged, empty, without time and number.
         if flagged && used == 0 && (buffer.seconds, buffer.micros) == (0, 0) {
             self.stats.cancelled += 1;
-            return Worth::Nothing;
+            return Worth::Cancelled;
         }
         let lost = match self.gaps.next(buffer.sequence) {
             Step::On { lost } => lost,
             Step::Back if flagged => {
                 self.stats.cancelled += 1;
-                return Worth::Nothing;
+                return Worth::Cancelled;
             }
             Step::Back => {
                 self.gaps = SequenceGaps::after(buffer.sequence);
