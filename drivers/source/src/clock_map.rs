@@ -33,6 +33,8 @@ const MIN_SPAN: f64 = 3e9;
 const URGENT: f64 = 1e5;
 /// An arrival that much off what the clocks say is a jump: 1 s, and a part in a thousand of the silence before it.
 const JUMP: f64 = 1e9;
+/// Readings may come out of order by this much, nanoseconds (two sensors of one clock); what lies further back is a jump.
+const OUT_OF_ORDER: f64 = 1e8;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Pair {
@@ -363,7 +365,8 @@ impl DeviceClock {
         let expected = moved(last.ticks, silence / nominal);
         let ticks = self.counter.unwrap_near(raw.wrapping_add(self.shift), DeviceTicks(expected));
         let off = difference(ticks.0, expected) * nominal;
-        if off.abs() > JUMP + silence.abs() * MAX_SKEW || silence < -JUMP {
+        let back = difference(last.ticks, ticks.0) * nominal;
+        if off.abs() > JUMP + silence.abs() * MAX_SKEW || silence < -JUMP || back > OUT_OF_ORDER {
             // Go on where the device would be by the host's clock, one step on at least.
             let ticks = DeviceTicks(expected.max(last.ticks.saturating_add(1)));
             self.shift = ticks.0.wrapping_sub(raw);

@@ -50,6 +50,7 @@ pub struct OwnedFrame {
     confidence: Vec<u8>,
     has_confidence: bool,
     colour: Colour,
+    spare: Spare,
     /// Metres per step of the depth values.
     pub unit: DepthUnit,
     /// The pinhole through which depth was seen.
@@ -64,9 +65,25 @@ pub struct OwnedFrame {
     pub notes: Vec<String>,
 }
 
-fn straighten<T: Copy>(pixels: &mut [T], (w, h): (usize, usize), camera: &Camera, hole: T) {
-    let bent = pixels.to_vec();
-    if let (Ok(bent), Ok(mut out)) = (ImageView::new(&bent, w, h), ImageViewMut::new(pixels, w, h)) {
+/// Memory for copies, kept from frame to frame. It is no part of what a frame is.
+#[derive(Debug, Clone, Default)]
+struct Spare {
+    u16: Vec<u16>,
+    f32: Vec<f32>,
+    u8: Vec<u8>,
+    rgb: Vec<[u8; 3]>,
+}
+
+impl PartialEq for Spare {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+fn straighten<T: Copy>(pixels: &mut [T], bent: &mut Vec<T>, (w, h): (usize, usize), camera: &Camera, hole: T) {
+    bent.clear();
+    bent.extend_from_slice(pixels);
+    if let (Ok(bent), Ok(mut out)) = (ImageView::new(bent, w, h), ImageViewMut::new(pixels, w, h)) {
         rectify(bent, camera, &camera.intrinsics, hole, &mut out);
     }
 }
@@ -108,6 +125,7 @@ impl OwnedFrame {
             confidence: Vec::new(),
             has_confidence: false,
             colour: Colour { pixels: Vec::new(), width: 0, height: 0, present: false },
+            spare: Spare { u16: Vec::new(), f32: Vec::new(), u8: Vec::new(), rgb: Vec::new() },
             unit: DepthUnit::MILLIMETRE,
             intrinsics: NO_CAMERA,
             pose: None,
@@ -202,7 +220,7 @@ impl OwnedFrame {
     }
 
     /// Removes the lens: depth, confidence, and colour of depth's size (which is taken to be registered to it) are seen through
-    /// the pinhole of `camera` afterwards, which becomes [`Self::intrinsics`]. Nothing is interpolated. Copies each image once.
+    /// the pinhole of `camera` afterwards, which becomes [`Self::intrinsics`]. Nothing is interpolated. Copies each image once, into memory that the frame keeps.
     pub fn straighten(&mut self, camera: &Camera) {
         self.intrinsics = camera.intrinsics;
         if camera.distortion.is_none() {
@@ -210,15 +228,15 @@ impl OwnedFrame {
         }
         let (w, h) = self.size();
         match &mut self.depth {
-            DepthPixels::U16(v) => straighten(v, (w, h), camera, u16::HOLE),
-            DepthPixels::F32(v) => straighten(v, (w, h), camera, f32::HOLE),
+            DepthPixels::U16(v) => straighten(v, &mut self.spare.u16, (w, h), camera, u16::HOLE),
+            DepthPixels::F32(v) => straighten(v, &mut self.spare.f32, (w, h), camera, f32::HOLE),
         }
         if self.has_confidence {
-            straighten(&mut self.confidence, (w, h), camera, 0);
+            straighten(&mut self.confidence, &mut self.spare.u8, (w, h), camera, 0);
         }
         let c = &mut self.colour;
         if c.present && (c.width, c.height) == (w, h) {
-            straighten(&mut c.pixels, (w, h), camera, [0; 3]);
+            straighten(&mut c.pixels, &mut self.spare.rgb, (w, h), camera, [0; 3]);
         }
     }
 

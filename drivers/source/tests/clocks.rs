@@ -119,6 +119,25 @@ proptest! {
 }
 
 #[test]
+fn a_small_step_back_is_a_jump_and_a_little_disorder_is_none() {
+    let mut clock = DeviceClock::new(32, 1e6).unwrap();
+    let mut latest = HostNanos(0);
+    for n in 0..100_u64 {
+        // At frame 50 the device starts anew 0.9 s behind; every tenth reading is 5 ms late.
+        let device = 2_000_000 + n * 33_333 - if n >= 50 { 900_000 } else { 0 } - if n % 10 == 9 { 5_000 } else { 0 };
+        let (ticks, event) = clock.observe(device, HostNanos(5_000_000_000 + n * 33_333_000));
+        assert_eq!(event == ClockEvent::Jump, n == 50, "reading {n}");
+        let host = clock.to_host(ticks).unwrap();
+        assert!(host >= latest, "reading {n}");
+        latest = host;
+    }
+    let (early, event) =
+        clock.observe(2_000_000 + 99 * 33_333 - 900_000 - 40_000, HostNanos(5_000_000_000 + 99 * 33_333_000));
+    assert_eq!(event, ClockEvent::Steady);
+    assert!(clock.to_host(early).unwrap() < latest, "out of order it is, and stays");
+}
+
+#[test]
 fn a_long_silence_is_no_jump() {
     let mut clock = DeviceClock::new(32, 1e6).unwrap();
     clock.observe(1_000_000, HostNanos(7_000_000_000));

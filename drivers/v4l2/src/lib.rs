@@ -16,7 +16,7 @@ pub mod sysfs;
 pub use open::open_with;
 pub use options::OpenOptions;
 pub use report::{DeviceReport, devices_with};
-pub use source::V4l2Source;
+pub use source::{RawFrame, V4l2Source};
 
 /// Opens a depth camera.
 ///

@@ -9,7 +9,7 @@ use isobath::sensing::depth::decode::format::Format as Pixels;
 use isobath::wire::device::d4xx::intrinsics::colour as colour_camera;
 use isobath_source::permission::Subsystem;
 use isobath_source::stats::SequenceGaps;
-use isobath_source::{BackPressure, Clock, DeviceClock, SourceError, SourceInfo};
+use isobath_source::{BackPressure, Clock, DeviceClock, HostNanos, SourceError, SourceInfo};
 
 use crate::colour::{ColourView, Form};
 use crate::decode::{Decoder, stride};
@@ -353,5 +353,6 @@ pub fn open_with<O: V4l2Open>(
         counted_at: None,
         last_info: None,
         started: false,
+        last_time: HostNanos(0),
     })
 }

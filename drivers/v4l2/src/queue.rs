@@ -109,7 +109,13 @@ impl CaptureQueue {
 
     fn begin(&mut self, sys: &mut impl V4l2Sys, count: u32) -> Result<(), Failure> {
         let (kind, planes) = (self.kind, self.planes);
-        let granted = uninterrupted(|| sys.request_buffers(kind, count)).map_err(failing("asking for buffers"))?;
+        let mut asked = uninterrupted(|| sys.request_buffers(kind, count));
+        if asked == Err(Errno::EBUSY) {
+            // A stream of this very node that could not be stopped; if it is another program's, the kernel refuses this too.
+            let _ = uninterrupted(|| sys.stream(kind, false));
+            asked = uninterrupted(|| sys.request_buffers(kind, count));
+        }
+        let granted = asked.map_err(failing("asking for buffers"))?;
         self.asked = granted > 0;
         if granted < 2 {
             // With one, the device has nowhere to put the frame that follows.
@@ -197,12 +203,17 @@ impl CaptureQueue {
     /// Lets somebody hold a buffer that the program owns: its bytes stay as they are until it is given back. `None` when the buffer is not
     /// the program's, or when all but two are held already, since the stream would starve.
     pub fn hold(&mut self, index: u32) -> Option<Held> {
-        let held = self.owners.iter().filter(|o| matches!(o, Owner::Held(_))).count();
-        let room = held < self.lease_limit();
+        let room = self.can_hold();
         let owner = self.owners.get_mut(index as usize).filter(|o| **o == Owner::Program && room)?;
         let ticket = TICKETS.fetch_add(1, Ordering::Relaxed);
         *owner = Owner::Held(ticket);
         Some(Held { index, ticket })
+    }
+
+    /// Whether one more may be held.
+    #[must_use]
+    pub fn can_hold(&self) -> bool {
+        self.owners.iter().filter(|o| matches!(o, Owner::Held(_))).count() < self.lease_limit()
     }
 
     /// Buffers that may be held at once.
@@ -269,7 +280,11 @@ impl CaptureQueue {
         if !self.asked {
             return Ok(());
         }
-        note("stopping the stream", uninterrupted(|| sys.stream(kind, false)));
+        let mut stopped = uninterrupted(|| sys.stream(kind, false));
+        if stopped.is_err_and(|e| !e.is_gone()) {
+            stopped = uninterrupted(|| sys.stream(kind, false));
+        }
+        note("stopping the stream", stopped);
         for (index, planes) in self.mapped.drain(..).enumerate() {
             for plane in 0..planes {
                 let mut result = uninterrupted(|| sys.unmap(kind, index as u32, plane));
@@ -281,7 +296,10 @@ impl CaptureQueue {
         }
         self.owners.clear();
         (self.streaming, self.asked) = (false, false);
-        note("giving the buffers back", uninterrupted(|| sys.request_buffers(kind, 0)).map(drop));
+        // A stream that could not be stopped keeps its buffers until the node is closed: asking would only be refused.
+        if stopped.is_ok() {
+            note("giving the buffers back", uninterrupted(|| sys.request_buffers(kind, 0)).map(drop));
+        }
         first
     }
 }

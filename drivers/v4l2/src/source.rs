@@ -10,16 +10,16 @@ use isobath::wire::device::d4xx::metadata::FrameInfo;
 use isobath_source::permission::Subsystem;
 use isobath_source::stats::{SequenceGaps, Step};
 use isobath_source::{
-    Clock, ClockEstimate, ClockEvent, Deadline, DepthSource, DeviceClock, DeviceTicks, Gap, GapCause, HostNanos,
-    Outcome, OwnedFrame, SourceError, SourceInfo, StreamStats,
+    Clock, ClockEstimate, ClockEvent, Deadline, DepthSource, DeviceClock, DeviceTicks, GapCause, HostNanos, Outcome,
+    OwnedFrame, SourceError, SourceInfo, StreamStats,
 };
 
 use crate::colour::ColourView;
 use crate::decode::Decoder;
 use crate::meta::{MetaStream, Record};
-use crate::queue::Failure;
+use crate::queue::{Failure, Held};
 use crate::stream::{Event, Frame, Stream};
-use crate::sys::{FourCc, V4l2Sys};
+use crate::sys::{Buffer, Format, FourCc, V4l2Sys};
 
 /// Buffers of metadata: more than of images, so that none is missed.
 const META_BUFFERS: u32 = 8;
@@ -45,6 +45,32 @@ pub(crate) struct Colour<S> {
     pub(crate) view: ColourView,
 }
 
+/// A frame as the driver wrote it, held by its reader.
+#[derive(Debug, PartialEq, Eq)]
+#[must_use = "give it back, or the stream has one buffer less"]
+pub struct RawFrame {
+    held: Held,
+    buffer: Buffer,
+    /// Its time, as a frame's.
+    pub time: HostNanos,
+    /// Its number, as a frame's.
+    pub sequence: u64,
+}
+
+/// A frame that waits in its buffer.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    number: u64,
+    time: HostNanos,
+    arrival: HostNanos,
+    jumped: bool,
+}
+
+enum Waited {
+    Frame(Seen),
+    Other(Outcome),
+}
+
 /// A depth camera of Video4Linux.
 pub struct V4l2Source<S> {
     pub(crate) info: SourceInfo,
@@ -61,6 +87,7 @@ pub struct V4l2Source<S> {
     pub(crate) counted_at: Option<u64>,
     pub(crate) last_info: Option<FrameInfo>,
     pub(crate) started: bool,
+    pub(crate) last_time: HostNanos,
 }
 
 impl<S: std::fmt::Debug> std::fmt::Debug for V4l2Source<S> {
@@ -163,6 +190,84 @@ impl<S: V4l2Sys> V4l2Source<S> {
         (clock.to_host(DeviceTicks(ticks.0.saturating_sub(half))), event)
     }
 
+    /// The next frame as the driver wrote it, to hold: nothing is copied or decoded, and its memory stays as it is until it is [given
+    /// back](Self::give_back). There is one exactly when the outcome is [`Outcome::Frame`].
+    ///
+    /// # Errors
+    /// [`SourceError::LeaseLimit`] when all buffers but two are held: the stream would starve. Else as [`DepthSource::next_into`].
+    pub fn lease(&mut self, deadline: Deadline) -> Result<(Outcome, Option<RawFrame>), SourceError> {
+        if let Some(limit) = self.depth.lease_limit_reached() {
+            return Err(SourceError::LeaseLimit { limit });
+        }
+        let seen = match self.wait(deadline)? {
+            Waited::Frame(seen) => seen,
+            Waited::Other(outcome) => return Ok((outcome, None)),
+        };
+        let raw =
+            self.depth.hold().map(|(held, buffer)| RawFrame { held, buffer, time: seen.time, sequence: seen.number });
+        let outcome = if raw.is_some() { Outcome::Frame } else { Outcome::TimedOut };
+        Ok((outcome, raw))
+    }
+
+    /// The bytes of a held frame, in the format of [`Self::raw_format`]; none once the stream was stopped.
+    #[must_use]
+    pub fn raw_bytes(&self, frame: &RawFrame) -> &[u8] {
+        self.depth.held_bytes(&frame.held, &frame.buffer, 0)
+    }
+
+    /// The format of raw frames: letters, size, bytes a row.
+    #[must_use]
+    pub const fn raw_format(&self) -> &Format {
+        self.depth.format()
+    }
+
+    /// Gives a held frame back to the driver. One that is not given back is missed by the stream until it is stopped.
+    pub fn give_back(&mut self, frame: RawFrame) {
+        self.depth.give_back(frame.held);
+    }
+
+    /// Waits for a frame, and learns what comes with it.
+    fn wait(&mut self, deadline: Deadline) -> Result<Waited, SourceError> {
+        if !self.started
+            && let Err(error) = self.start()
+        {
+            // Who asks again at once must not keep a core busy with it.
+            self.depth.rest(&*self.clock, deadline);
+            return Err(error);
+        }
+        let frame = match self.depth.next(&*self.clock, deadline) {
+            Ok(Event::Frame(frame)) => frame,
+            Ok(Event::TimedOut) => return Ok(Waited::Other(Outcome::TimedOut)),
+            Ok(Event::Recovered(gap)) => {
+                if gap.cause != GapCause::Overrun {
+                    // The kernel counts anew.
+                    if let Some(meta) = &mut self.meta {
+                        meta.restarted();
+                    }
+                    self.counter.reset();
+                    self.counted_at = None;
+                }
+                return Ok(Waited::Other(Outcome::Recovered(gap)));
+            }
+            Err(failure) => {
+                if failure.errno.is_gone() {
+                    // Nothing of a lost device is kept mapped; its error is told already.
+                    let _ = self.end();
+                }
+                return Err(self.place.error(failure));
+            }
+        };
+        let record = self.meta.as_mut().and_then(|meta| meta.of(frame.buffer.sequence));
+        let (time, event) = self.learn(&frame, record);
+        let now = self.clock.now();
+        let arrival = frame.stamp.unwrap_or(now);
+        self.depth.waited(now.saturating_since(arrival));
+        // Frames with metadata and without it are stamped by two rules; their order is the stream's all the same.
+        let time = time.unwrap_or(arrival).max(self.last_time);
+        self.last_time = time;
+        Ok(Waited::Frame(Seen { number: frame.number, time, arrival, jumped: event == ClockEvent::Jump }))
+    }
+
     /// Takes the colour image that is there, without waiting.
     fn collect_colour(&mut self) {
         let Some(colour) = &mut self.colour else { return };
@@ -205,36 +310,11 @@ impl<S: V4l2Sys> DepthSource for V4l2Source<S> {
     }
 
     fn next_into(&mut self, frame: &mut OwnedFrame, deadline: Deadline) -> Result<Outcome, SourceError> {
-        if !self.started
-            && let Err(error) = self.start()
-        {
-            // Who asks again at once must not keep a core busy with it.
-            self.depth.rest(&*self.clock, deadline);
-            return Err(error);
-        }
         loop {
-            let seen = match self.depth.next(&*self.clock, deadline) {
-                Ok(Event::Frame(seen)) => seen,
-                Ok(Event::TimedOut) => return Ok(Outcome::TimedOut),
-                Ok(Event::Recovered(gap @ Gap { cause: GapCause::Overrun, .. })) => return Ok(Outcome::Recovered(gap)),
-                Ok(Event::Recovered(gap)) => {
-                    if let Some(meta) = &mut self.meta {
-                        meta.restarted();
-                    }
-                    self.counter.reset();
-                    self.counted_at = None;
-                    return Ok(Outcome::Recovered(gap));
-                }
-                Err(failure) => {
-                    if failure.errno.is_gone() {
-                        // Nothing of a lost device is kept mapped; its error is told already.
-                        let _ = self.end();
-                    }
-                    return Err(self.place.error(failure));
-                }
+            let seen = match self.wait(deadline)? {
+                Waited::Frame(seen) => seen,
+                Waited::Other(outcome) => return Ok(outcome),
             };
-            let record = self.meta.as_mut().and_then(|meta| meta.of(seen.buffer.sequence));
-            let (time, event) = self.learn(&seen, record);
             frame.clear();
             let decoded = self.decoder.decode(self.depth.bytes(0), frame);
             self.depth.release();
@@ -245,18 +325,15 @@ impl<S: V4l2Sys> DepthSource for V4l2Source<S> {
                 }
                 continue;
             }
-            let now = self.clock.now();
-            let arrival = seen.stamp.unwrap_or(now);
-            self.depth.waited(now.saturating_since(arrival));
-            frame.time = time.unwrap_or(arrival).timestamp();
+            frame.time = seen.time.timestamp();
             frame.sequence = seen.number;
             frame.straighten(&self.camera);
-            if event == ClockEvent::Jump {
+            if seen.jumped {
                 frame.notes.push("the camera's clock jumped: its times were carried on by the host's".into());
             }
             self.collect_colour();
             if let Some(colour) = &self.colour {
-                colour.view.colour(frame, arrival);
+                colour.view.colour(frame, seen.arrival);
             }
             return Ok(Outcome::Frame);
         }

@@ -13,7 +13,7 @@ use std::time::Duration;
 use isobath_source::stats::{SequenceGaps, Step};
 use isobath_source::{BackPressure, Clock, Deadline, Gap, GapCause, HostNanos, StreamStats, TickCounter};
 
-use crate::queue::{CaptureQueue, Failure, Taken, uninterrupted};
+use crate::queue::{CaptureQueue, Failure, Held, Taken, uninterrupted};
 use crate::sys::{Buffer, CLOCK_MONOTONIC, Errno, FLAG_ERROR, FLAGS_CLOCK, Format, Kind, V4l2Sys};
 
 /// Looks at a node that says "ready" and gives nothing, before it is left alone for a while.
@@ -204,6 +204,36 @@ impl<S: V4l2Sys> Stream<S> {
         match (&self.queue, &self.current) {
             (Some(queue), Some(buffer)) => queue.bytes(&self.sys, buffer, plane),
             _ => &[],
+        }
+    }
+
+    /// How many frames may be held, when that many are.
+    #[must_use]
+    pub fn lease_limit_reached(&self) -> Option<usize> {
+        self.queue.as_ref().filter(|q| !q.can_hold()).map(CaptureQueue::lease_limit)
+    }
+
+    /// Holds the frame that was given last: it is not given back with the next call. `None` when there is none, or too many are held.
+    pub fn hold(&mut self) -> Option<(Held, Buffer)> {
+        let buffer = self.current?;
+        let held = self.queue.as_mut()?.hold(buffer.index)?;
+        self.current = None;
+        Some((held, buffer))
+    }
+
+    /// The bytes of a plane of a held frame; none once its stream was stopped.
+    #[must_use]
+    pub fn held_bytes(&self, held: &Held, buffer: &Buffer, plane: usize) -> &[u8] {
+        self.queue.as_ref().map_or(&[], |queue| queue.held_bytes(&self.sys, held, buffer, plane))
+    }
+
+    /// Gives a held frame back to the kernel; one of a stream that was stopped is nobody's.
+    pub fn give_back(&mut self, held: Held) {
+        if let Some(queue) = &mut self.queue
+            && let Err(failure) = queue.give_back(&mut self.sys, held)
+            && self.broken.is_none()
+        {
+            self.broken = Some(failure);
         }
     }
 

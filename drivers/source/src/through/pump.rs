@@ -21,6 +21,7 @@ use crate::stats::StreamStats;
 const LOOK_UP: Duration = Duration::from_millis(50);
 
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "nearly all items are frames, and boxing one would allocate")]
 enum Item {
     Frame(OwnedFrame, HostNanos),
     Gap(Gap),
