@@ -13,7 +13,7 @@
 //! | answers | [`localized`] | a few points of one frame: normals, hits, rays, placement, paths |
 //! | | [`lighting`] | what light falls on an object |
 //! | skipping | [`skipping`] | what needs no work: min/max depth pyramid |
-//! | sensing | [`sensing`] | depth values, cameras, poses, frames |
+//! | sensing | [`sensing`] | depth values, cameras, poses, frames; which way is up by an inertial sensor |
 //! | ground | [`ground`] | images, time, arithmetic |
 //!
 //! # Conventions

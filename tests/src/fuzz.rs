@@ -9,6 +9,7 @@
 mod decode;
 mod devices;
 mod features;
+mod inertial;
 mod lighting;
 mod localized;
 mod parsers;
@@ -20,6 +21,7 @@ use isobath::glam::{Quat, Vec2, Vec3};
 pub use decode::{depth16, disparity, key_frame, metres, projective, rvl, u16_bytes};
 pub use devices::{bulk, d4xx, gmrb, iio, pixel_formats, uvc_metadata};
 pub use features::features;
+pub use inertial::imu;
 pub use lighting::lighting;
 pub use localized::localized;
 pub use parsers::{camera_file, container, depth_png, lists, message, npy, pgm};
@@ -50,6 +52,7 @@ pub const TARGETS: &[Target] = &[
     ("localized", localized),
     ("features", features),
     ("lighting", lighting),
+    ("imu", imu),
     ("parse_npy", npy),
     ("parse_pgm", pgm),
     ("parse_depth_png", depth_png),

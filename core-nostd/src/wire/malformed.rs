@@ -158,10 +158,11 @@ impl<'a> Writer<'a> {
     }
 
     pub(crate) fn bytes(&mut self, bytes: &[u8]) -> Result<(), Malformed> {
-        let end = self.at.saturating_add(bytes.len());
-        let full = Malformed::Full { what: self.what, needed: end, got: self.out.len() };
-        self.out.get_mut(self.at..end).ok_or(full)?.copy_from_slice(bytes);
-        self.at = end;
+        let needed = self.at.saturating_add(bytes.len());
+        let full = Malformed::Full { what: self.what, needed, got: self.out.len() };
+        // As long as the bytes, which the compiler sees: no copy can fail.
+        self.rest().get_mut(..bytes.len()).ok_or(full)?.copy_from_slice(bytes);
+        self.at = needed;
         Ok(())
     }
 

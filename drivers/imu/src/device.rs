@@ -103,7 +103,11 @@ impl Device {
             write(&path, value).map_err(|e| failed(&path, doing, e))
         };
         let mut notes = Vec::new();
-        // A buffer left on by a program that died is ours now; one that another program reads says "busy" when it is opened.
+        // First, as only one program can: a sensor that another one reads is not touched.
+        let open =
+            OpenOptions::new().read(true).custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed()).open(&node);
+        let file = open.map_err(|e| SourceError::open_device(&node, Subsystem::Iio, found.usb, e))?;
+        // Left on by a program that died.
         set("buffer/enable", "0", "switching its buffer off")?;
         if let Some(rate) = rate_hz {
             set_rate(dir, rate, &mut notes);
@@ -145,10 +149,6 @@ impl Device {
         };
         let (gyroscope, accelerometer) = (triple("anglvel")?, triple("accel")?);
         let rate_hz = rate(dir);
-        // Before the buffer is on: a node that can't be opened leaves nothing running.
-        let open =
-            OpenOptions::new().read(true).custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed()).open(&node);
-        let file = open.map_err(|e| SourceError::open_device(&node, Subsystem::Iio, found.usb, e))?;
         set("buffer/enable", "1", "switching its buffer on")?;
         Ok(Self {
             found: found.clone(),

@@ -7,8 +7,8 @@ use std::time::Duration;
 use isobath::ground::units::Timestamp;
 use isobath::sensing::imu::ImuSample;
 use isobath_source::{
-    Clock, ClockEvent, Deadline, DeviceClock, Gap, GapCause, HostNanos, ImuInfo, ImuOutcome, ImuSource, LinkKind,
-    SourceError, SystemClock,
+    Clock, ClockEvent, Deadline, DeviceClock, DeviceTicks, Gap, GapCause, HostNanos, ImuInfo, ImuOutcome, ImuSource,
+    LinkKind, SourceError, SystemClock,
 };
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -46,6 +46,8 @@ pub struct IioImu {
     clock: Box<dyn Clock + Send>,
     /// Of the sensors' stamps, when they are not the host's.
     device_clock: Option<DeviceClock>,
+    /// From the gyroscope's stamps to its clock's ticks, which go on after a reset.
+    shift: Option<u64>,
     decided: bool,
     gap: Option<Gap>,
     gone: bool,
@@ -136,6 +138,7 @@ impl IioImu {
             merger: Merger::new(),
             clock,
             device_clock: None,
+            shift: None,
             decided: false,
             gap: None,
             gone: false,
@@ -150,7 +153,7 @@ impl IioImu {
 
     /// Takes what the sensors have, without waiting: whether anything came.
     fn take(&mut self) -> Result<bool, SourceError> {
-        let Self { devices, heard, merger, clock, device_clock, decided, gap, .. } = self;
+        let Self { devices, heard, merger, clock, device_clock, shift, decided, gap, .. } = self;
         let mut came = 0;
         for (device, heard) in devices.iter_mut().zip(heard) {
             let Some(device) = device else { continue };
@@ -163,13 +166,23 @@ impl IioImu {
                 }
                 let time = match device_clock {
                     None => stamp,
+                    // The gyroscope leads: a batch of the other sensor's readings, read after its own, would look like a clock set back.
                     Some(map) => {
-                        let (ticks, event) = map.observe(stamp.cast_unsigned(), now);
-                        if event == ClockEvent::Jump {
-                            *gap = Some(Gap { cause: GapCause::Reset, lost: None });
-                            merger.clear();
-                        }
-                        map.to_host(ticks).map_or(stamp, |host| host.timestamp().as_nanos())
+                        let raw = stamp.cast_unsigned();
+                        let ticks = match *shift {
+                            Some(shift) if rate.is_none() => DeviceTicks(raw.wrapping_add(shift)),
+                            None if rate.is_none() => return,
+                            _ => {
+                                let (ticks, event) = map.observe(raw, now);
+                                if event == ClockEvent::Jump {
+                                    *gap = Some(Gap { cause: GapCause::Reset, lost: None });
+                                    merger.clear();
+                                }
+                                *shift = Some(ticks.0.wrapping_sub(raw));
+                                ticks
+                            }
+                        };
+                        ticks.0.cast_signed()
                     }
                 };
                 if let Some(force) = force {
@@ -224,7 +237,10 @@ impl IioImu {
             let came = self.take()?;
             let mut count = 0;
             for place in &mut *out {
-                let Some((time, rate, force)) = self.merger.pop() else { break };
+                let Some((ticks, rate, force)) = self.merger.pop() else { break };
+                // Only now: put together by the sensors' own clock, readings keep their distances while the two clocks get to know each other.
+                let host = self.device_clock.as_mut().and_then(|map| map.to_host(DeviceTicks(ticks.cast_unsigned())));
+                let time = host.map_or(ticks, |host| host.timestamp().as_nanos());
                 *place = ImuSample { time: Timestamp::from_nanos(time), rate, force, field: None };
                 count += 1;
             }

@@ -162,6 +162,31 @@ fn a_clock_of_its_own_is_mapped_and_odd_stamps_are_dropped() {
 }
 
 #[test]
+fn a_backlog_of_two_sensors_is_no_jump() {
+    let tree = Tree::new();
+    let usb = Some(("1209", "3-1"));
+    let mut accel = tree.sensor(0, "accel_3d", usb, &channels(ACCEL, HID), &[]);
+    let mut gyro = tree.sensor(1, "gyro_3d", usb, &channels(GYRO, HID), &[]);
+    let mut imu = open(None, &tree.options()).unwrap();
+    // Half a second of both, of a clock of their own, before anybody reads.
+    let far = 9_000_000_000_000_000;
+    for i in 0..100 {
+        send(&mut gyro, &hid_scan([i, 0, 0], far + i64::from(i) * 5_000_000));
+        send(&mut accel, &hid_scan([0, i, 0], far + i64::from(i) * 5_000_000 - 1));
+    }
+    let mut all = Vec::new();
+    for _ in 0..10 {
+        all.extend(read(&mut imu));
+    }
+    let rates: Vec<f32> = all.iter().map(|s| s.rate.x).collect();
+    assert!(all.len() == 99 || all.len() == 100, "{} lost, {rates:?}", imu.lost());
+    for (i, sample) in all.iter().enumerate() {
+        assert_eq!(sample.rate.x, i as f32);
+        assert!((sample.force.y - i as f32).abs() < 0.01, "{i}: {}", sample.force);
+    }
+}
+
+#[test]
 fn a_sensor_that_is_gone_is_an_end() {
     let tree = Tree::new();
     let kinds: Vec<(&str, &str)> = GYRO.iter().chain(&ACCEL).map(|n| (*n, "le:s16/16>>0")).chain([TIMESTAMP]).collect();

@@ -19,8 +19,8 @@ use isobath::sensing::imu::ImuSample;
 use isobath::wire::bulk::{Content, Encoding, Found, Header, Hello, Kind, Message, OVERHEAD, depth_most_bytes, find};
 use isobath_source::stats::{SequenceGaps, Step};
 use isobath_source::{
-    Clock, ClockEvent, Deadline, DepthSource, DeviceClock, Gap, GapCause, ImuInfo, ImuOutcome, ImuSource, Outcome,
-    OwnedFrame, SourceError, SourceInfo, StreamStats, SystemClock,
+    Clock, ClockEvent, Deadline, DepthSource, DeviceClock, DeviceTicks, Gap, GapCause, ImuInfo, ImuOutcome, ImuSource,
+    Outcome, OwnedFrame, SourceError, SourceInfo, StreamStats, SystemClock,
 };
 
 use crate::link::{Link, Options, Wanted};
@@ -36,6 +36,8 @@ const SMALLEST: usize = 256 * 1024;
 const SLICE: Duration = Duration::from_millis(500);
 /// Readings kept for who asks for frames meanwhile.
 const READINGS: usize = 4096;
+/// More pixels than any frame has: a hello that says so asks for memory that nobody has.
+const MOST_PIXELS: usize = 1 << 24;
 /// How long opening waits for the device's hello.
 const HELLO: Duration = Duration::from_secs(4);
 /// After so many failures in a row, without a byte between them, they are the caller's matter.
@@ -84,6 +86,8 @@ pub struct Bulk<S: UsbSys> {
     frames: SequenceGaps,
     messages: SequenceGaps,
     device_clock: DeviceClock,
+    /// From the device's times to its clock's ticks, which go on when the device starts anew.
+    shift: Option<u64>,
     stats: StreamStats,
     imu_lost: u64,
     gap: Option<Gap>,
@@ -91,6 +95,8 @@ pub struct Bulk<S: UsbSys> {
     failures: u32,
     /// Whether the caller who waits now has had a transfer: a deadline that has passed already allows one.
     asked: bool,
+    /// The size that the last hello said, when it was absurd.
+    absurd: Option<(u16, u16)>,
     key_frames: Option<KeyFrames>,
 }
 
@@ -151,18 +157,28 @@ impl<S: UsbSys> Bulk<S> {
             frames: SequenceGaps::default(),
             messages: SequenceGaps::default(),
             device_clock: device_clock(),
+            shift: None,
             stats: StreamStats::default(),
             imu_lost: 0,
             gap: None,
             imu_gap: None,
             failures: 0,
             asked: false,
+            absurd: None,
             key_frames: None,
             link,
         };
         let deadline = Deadline::after(&*bulk.clock, HELLO);
         while bulk.hello.is_none() {
-            if bulk.step(deadline)? == Event::Nothing {
+            let nothing = bulk.step(deadline)? == Event::Nothing;
+            if let Some((w, h)) = bulk.absurd {
+                return Err(SourceError::Unsupported {
+                    path: bulk.link.path().clone(),
+                    what: format!("the device says its frames have {w} x {h} pixels"),
+                    hint: format!("{MOST_PIXELS} are taken at most; its firmware may be broken"),
+                });
+            }
+            if nothing {
                 return Err(SourceError::MissingCalibration {
                     path: bulk.link.path().clone(),
                     needed: vec!["size", "unit", "intrinsics"],
@@ -273,7 +289,7 @@ impl<S: UsbSys> Bulk<S> {
         (self.filled, self.failures) = (0, 0);
         self.frames.reset();
         self.messages.reset();
-        self.device_clock = device_clock();
+        (self.device_clock, self.shift) = (device_clock(), None);
         // What came before it went has times of another life.
         self.frame_header = None;
         self.readings.clear();
@@ -288,12 +304,22 @@ impl<S: UsbSys> Bulk<S> {
         (self.gap, self.imu_gap) = (gap, gap);
     }
 
-    /// The host's time of a device's.
-    fn host_time(&mut self, time: Timestamp) -> Timestamp {
-        let (ticks, event) = self.device_clock.observe(time.as_nanos().cast_unsigned(), self.clock.now());
-        if event == ClockEvent::Jump {
-            self.note(GapCause::Reset);
-        }
+    /// The host's time of a device's. One stream leads, the inertial one if there is one: frames lie behind it by their exposure and all that the
+    /// device does with them, which would look like a clock set back.
+    fn host_time(&mut self, time: Timestamp, kind: Kind) -> Timestamp {
+        let raw = time.as_nanos().cast_unsigned();
+        let follows = kind == Kind::Depth && self.hello.is_some_and(|hello| hello.imu_millihertz > 0);
+        let ticks = match self.shift.filter(|_| follows) {
+            Some(shift) => DeviceTicks(raw.wrapping_add(shift)),
+            None => {
+                let (ticks, event) = self.device_clock.observe(raw, self.clock.now());
+                if event == ClockEvent::Jump {
+                    self.note(GapCause::Reset);
+                }
+                self.shift = Some(ticks.0.wrapping_sub(raw));
+                ticks
+            }
+        };
         self.device_clock.to_host(ticks).map_or(time, |host| host.timestamp())
     }
 
@@ -327,7 +353,7 @@ impl<S: UsbSys> Bulk<S> {
                 self.note(GapCause::Reset);
             }
         }
-        let time = self.host_time(header.time);
+        let time = self.host_time(header.time, Kind::Depth);
         if self.frame_header.is_some() {
             self.stats.dropped_by_policy += 1;
         }
@@ -353,7 +379,7 @@ impl<S: UsbSys> Bulk<S> {
         let offset = self.hello.map_or(0, |hello| hello.imu_offset);
         let span = last.time.as_nanos() - message.header.time.as_nanos();
         // The last reading is the one just taken: the others lie before it.
-        let end = self.host_time(last.time).saturating_add_nanos(offset);
+        let end = self.host_time(last.time, Kind::Imu).saturating_add_nanos(offset);
         for reading in imu.iter() {
             if self.readings.len() == READINGS {
                 self.readings.pop_front();
@@ -367,6 +393,11 @@ impl<S: UsbSys> Bulk<S> {
     /// A hello: the first, or one that says something new.
     fn meet(&mut self, hello: &Hello) {
         if self.hello.as_ref() == Some(hello) {
+            return;
+        }
+        let size = hello.depth.map(|(w, h, ..)| (w, h));
+        self.absurd = size.filter(|(w, h)| usize::from(*w) * usize::from(*h) > MOST_PIXELS);
+        if self.absurd.is_some() {
             return;
         }
         self.hello = Some(*hello);

@@ -25,9 +25,13 @@ const W: usize = 40;
 const H: usize = 30;
 
 fn hello() -> Vec<u8> {
+    hello_of(W as u16, H as u16)
+}
+
+fn hello_of(width: u16, height: u16) -> Vec<u8> {
     let camera = Camera { intrinsics: Intrinsics::new(30.0, 30.0, 19.5, 14.5).unwrap(), distortion: Distortion::None };
     let hello = Hello {
-        depth: Some((W as u16, H as u16, DepthUnit::MILLIMETRE, camera)),
+        depth: Some((width, height, DepthUnit::MILLIMETRE, camera)),
         frame_interval: 33_333,
         imu_millihertz: 200_000,
         imu_offset: 0,
@@ -43,10 +47,14 @@ fn pixels(sequence: u32) -> Vec<u16> {
     (0..W * H).map(|i| 500 + ((i * 7 + sequence as usize * 13) % 3000) as u16).collect()
 }
 
-/// A frame; the device's clock began 77 s ago, 33 ms from frame to frame.
+/// The device's clock began 77 s ago, 33 ms from frame to frame.
+fn time_of(frame: u32) -> Timestamp {
+    Timestamp::from_nanos(77_000_000_000 + i64::from(frame.wrapping_add(4)) * 33_000_000)
+}
+
 fn frame(sequence: u32, encoding: Encoding) -> Vec<u8> {
     let mut out = vec![0; wire::depth_most_bytes(W * H, encoding)];
-    let time = Timestamp::from_nanos(77_000_000_000 + i64::from(sequence) * 33_000_000);
+    let time = time_of(sequence);
     let pixels = pixels(sequence);
     let view = ImageView::new(&pixels, W, H).unwrap();
     let used = wire::encode_depth(view, DepthUnit::MILLIMETRE, 0, encoding, sequence, time, &mut out).unwrap();
@@ -54,8 +62,9 @@ fn frame(sequence: u32, encoding: Encoding) -> Vec<u8> {
     out
 }
 
-fn readings(sequence: u32, count: usize) -> Vec<u8> {
-    let at = 77_000_000_000 + i64::from(sequence) * 10_000_000;
+/// Readings a millisecond apart, from 5 ms after a frame on.
+fn readings(sequence: u32, count: usize, frame: u32) -> Vec<u8> {
+    let at = time_of(frame).as_nanos() + 5_000_000;
     let all: Vec<ImuSample> = (0..count)
         .map(|i| ImuSample {
             time: Timestamp::from_nanos(at + i as i64 * 1_000_000),
@@ -92,11 +101,11 @@ fn frames_and_readings_of_one_pipe() {
         &frame(8, Encoding::Raw)[..], // before the hello: nobody's
         &hello(),
         &frame(9, Encoding::Raw),
-        &readings(0, 5),
+        &readings(0, 5, 9),
         &message[..used],
-        &readings(1, 5),
+        &readings(1, 5, 10),
         &frame(10, Encoding::Rvl),
-        &readings(3, 5),
+        &readings(3, 5, 11),
     ]
     .concat();
     let fake = Fake::bulk(stream.chunks(999).map(|bytes| Act::Data(bytes.to_vec())));
@@ -146,6 +155,9 @@ fn opening_says_what_is_missing() {
     let silent = Fake::bulk([Act::Data(frame(1, Encoding::Raw))]);
     let e = open(&silent, Options::default()).unwrap_err();
     assert!(matches!(e, SourceError::MissingCalibration { .. }), "{e}");
+    let absurd = Fake::bulk([Act::Data(hello_of(65_535, 65_535))]);
+    let e = open(&absurd, Options::default()).unwrap_err();
+    assert!(e.to_string().contains("65535 x 65535"), "{e}");
     let waited = silent.world().now;
     assert!(waited <= 4_100_000_000, "it waited {waited} ns");
 }
@@ -246,12 +258,47 @@ fn a_device_that_always_stalls_neither_spins_nor_hangs() {
 #[test]
 fn more_readings_than_there_is_room_for_are_counted() {
     let mut script = vec![Act::Data(hello())];
-    script.extend((0..50).map(|n| Act::Data(readings(n, 100))));
+    script.extend((0..50).map(|n| Act::Data(readings(n, 100, n * 4))));
     let fake = Fake::bulk(script);
     let mut source = open(&fake, Options::default()).unwrap();
     let mut out = OwnedFrame::new();
     assert_eq!(source.next_into(&mut out, soon(&fake)).unwrap(), Outcome::TimedOut);
     assert_eq!(source.readings_lost(), 5000 - 4096);
+}
+
+#[test]
+fn a_message_that_holds_no_frame_is_an_error_and_counted() {
+    let time = time_of(0);
+    let header = |sequence| Header { kind: Kind::Depth, sequence, time };
+    let whole = frame(0, Encoding::Rvl);
+    let body = &whole[24..whole.len() - 4];
+    let small = {
+        let mut out = vec![0; 400];
+        let view = ImageView::new(&[700; 20], 5, 4).unwrap();
+        let used = wire::encode_depth(view, DepthUnit::MILLIMETRE, 0, Encoding::Raw, 2, time, &mut out).unwrap();
+        out.truncate(used);
+        out
+    };
+    // Cut short, of another size, and none at all: each with a right CRC.
+    let mut script = vec![Act::Data([hello(), frame(0, Encoding::Raw)].concat())];
+    for (sequence, body) in [(1, &body[..body.len() - 8]), (3, &[][..])] {
+        let mut out = vec![0; body.len() + wire::OVERHEAD];
+        wire::encode(&header(sequence), body, &mut out).unwrap();
+        script.push(Act::Data(out));
+    }
+    script.insert(2, Act::Data(small));
+    script.push(Act::Data(frame(4, Encoding::Rvl)));
+    let fake = Fake::bulk(script);
+    let mut source = open(&fake, Options::default()).unwrap();
+    let mut out = OwnedFrame::new();
+    assert_eq!(source.next_into(&mut out, soon(&fake)).unwrap(), Outcome::Frame);
+    for _ in 0..3 {
+        let e = source.next_into(&mut out, soon(&fake)).unwrap_err();
+        assert!(matches!(e, SourceError::Corrupt { .. }), "{e}");
+    }
+    assert_eq!(source.next_into(&mut out, soon(&fake)).unwrap(), Outcome::Frame);
+    let stats = source.stats();
+    assert_eq!((stats.delivered, stats.corrupt, stats.span(), out.sequence), (2, 3, 5, 4));
 }
 
 /// What happens to the bytes on their way.
@@ -282,7 +329,7 @@ proptest! {
         let encoding = if rvl { Encoding::Rvl } else { Encoding::Raw };
         let count = 8;
         let number = |n: u32| first.wrapping_add(n);
-        let mut middle: Vec<u8> = (1..count - 1).flat_map(|n| [frame(number(n), encoding), readings(n, 3)].concat()).collect();
+        let mut middle: Vec<u8> = (1..count - 1).flat_map(|n| [frame(number(n), encoding), readings(n, 3, number(n))].concat()).collect();
         for fault in faults {
             let length = middle.len();
             match fault {

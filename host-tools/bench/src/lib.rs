@@ -12,6 +12,7 @@
 //! |---|---|
 //! | [`row`] | the vocabulary: what a row, a method, a score is |
 //! | [`input`] | a simulated frame, what a sensor makes of it, and the truth |
+//! | [`inertial`] | readings of inertial sensors with the true orientation |
 //! | `rows` | one file a capability; `rows/mod.rs` lists them |
 //! | `skips` | features that skip: how much, how much faster, and that the answer is the same |
 //! | [`sequence`] | frames in a row, still, slowly and fully changing; `recordings`: real ones |
@@ -47,6 +48,7 @@
 //! ```
 
 pub mod compare;
+pub mod inertial;
 pub mod input;
 pub mod lighting;
 mod measure;

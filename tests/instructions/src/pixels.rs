@@ -6,6 +6,9 @@ use isobath::ground::image::{ImageView, ImageViewMut};
 use isobath::localized::normals::adaptive::{self, AdaptiveParams, BlockSize};
 use isobath::localized::normals::{NormalParams, dense};
 use isobath::sensing::depth::DepthSample;
+use isobath::sensing::depth::decode::format::Format;
+use isobath::sensing::depth::decode::kinect::Constants;
+use isobath::sensing::depth::decode::packed::y10b;
 use isobath::sensing::depth::decode::{ByteOrder, depth16, u16_bytes};
 use isobath::sensing::frame::DepthFrame;
 
@@ -19,6 +22,8 @@ const fn kernel(name: &'static str, run: fn()) -> Kernel {
 pub(crate) const ALL: &[Kernel] = &[
     kernel("decode-u16-bytes", decode),
     kernel("decode-depth16", decode_depth16),
+    kernel("decode-y10b", decode_y10b),
+    kernel("decode-kinect", decode_kinect),
     kernel("unproject-and-project", there_and_back),
     kernel("normals-exact-u16", || normals(&Room::new().coarse(), &NormalParams::default())),
     kernel("normals-exact-f32", || normals(&Room::new().fine(), &NormalParams::default())),
@@ -42,6 +47,23 @@ fn decode_depth16() {
     let (mut depth, mut sure) = (vec![0_u16; PIXELS], vec![0_u8; PIXELS]);
     let (mut depth, mut sure) = (image(&mut depth), image(&mut sure));
     counted(|| depth16(black_box(raw), &mut depth, Some(&mut sure)).is_ok());
+}
+
+fn decode_y10b() {
+    let bytes: Vec<u8> = (0..Format::Y10b.row_bytes(WIDTH) * HEIGHT).map(|i| (i * 31) as u8).collect();
+    let mut out = vec![0_u16; PIXELS];
+    let mut out = image(&mut out);
+    counted(|| y10b(black_box(&bytes), Format::Y10b.row_bytes(WIDTH), &mut out).is_ok());
+}
+
+/// Codes of 11 bits into millimetres, in one pass.
+fn decode_kinect() {
+    let stride = Format::Kinect11.row_bytes(WIDTH);
+    let bytes: Vec<u8> = (0..stride * HEIGHT).map(|i| (i * 31) as u8).collect();
+    let table = Constants::NOMINAL.table().unwrap_or_else(|e| unreachable!("the nominal constants are usable: {e}"));
+    let mut out = vec![0_u16; PIXELS];
+    let mut out = image(&mut out);
+    counted(|| black_box(&table).decode(black_box(&bytes), stride, &mut out).is_ok());
 }
 
 /// Every pixel into the world, and from there to its pixel again.

@@ -12,6 +12,8 @@ use isobath::localized::one_euro::{OneEuro, OneEuroParams};
 use isobath::localized::particles::{ParticleParams, ParticlePool};
 use isobath::localized::placement::{PlaceParams, Spot, place};
 use isobath::localized::raycast::{RayParams, cast};
+use isobath::sensing::imu::ImuSample;
+use isobath::sensing::imu::vqf::{Vqf, VqfParams};
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
 
 use crate::room::{HEIGHT, Room, WIDTH, pixels};
@@ -35,6 +37,8 @@ pub(crate) const ALL: &[Kernel] = &[
     kernel("place-pyramid", "spot", || places(true)),
     kernel("one-euro-vec3", "sample", one_euro),
     kernel("particles-step", "particle", particles),
+    kernel("vqf", "reading", || vqf(false)),
+    kernel("vqf-magnetometer", "reading", || vqf(true)),
 ];
 
 fn normal(params: &NormalParams) {
@@ -127,4 +131,25 @@ fn particles() {
         pool.step(&frame, None, &rain, frame_time);
     }
     counted(|| pool.step(black_box(&frame), None, &rain, frame_time).landed);
+}
+
+/// Five seconds of a turning, swaying sensor, after as many that gravity's low-pass starts with.
+fn vqf(field: bool) {
+    let reading = |i: i64| {
+        let t = i as f32 * 0.005;
+        ImuSample {
+            time: Timestamp::from_nanos(i * 5_000_000),
+            rate: vec3(0.5 * t.sin(), 0.7 * (1.3 * t).cos(), 0.2),
+            force: vec3(0.5 * (2.1 * t).sin(), 0.4 * (1.7 * t).sin(), 9.8),
+            field: field.then(|| vec3(20.0 * t.cos(), -20.0 * t.sin(), -40.0)),
+        }
+    };
+    let readings: Vec<ImuSample> = (0..2 * ASKED as i64).map(reading).collect();
+    let (first, second) = readings.split_at(ASKED);
+    let mut filter = Vqf::new(VqfParams::DEFAULT).unwrap_or_else(|e| unreachable!("the defaults: {e}"));
+    first.iter().for_each(|s| _ = filter.update(s));
+    counted(|| {
+        second.iter().for_each(|s| _ = black_box(filter.update(black_box(s))));
+        filter.gravity()
+    });
 }

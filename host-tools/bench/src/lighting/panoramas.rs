@@ -127,7 +127,7 @@ fn shoot(panorama: &LinearImage, view: &Rigid, far: &mut FarField<1280>) -> Resu
     for (i, pixel) in pixels.iter_mut().enumerate() {
         for ray in 0..RAYS * RAYS {
             let at = |i: usize, ray: usize| (i as f32 - 0.5) + (ray as f32 + 0.5) / RAYS as f32;
-            let uv = isobath::glam::vec2(at(i % FRAME.0, ray % RAYS), at(i / FRAME.0, ray / RAYS));
+            let uv = glam::vec2(at(i % FRAME.0, ray % RAYS), at(i / FRAME.0, ray / RAYS));
             let d = pose.direction_to_world(k.ray(uv));
             let c = panorama.towards(v3(f64::from(d.x), f64::from(d.y), f64::from(d.z)));
             for (sum, v) in pixel.iter_mut().zip([c.x, c.y, c.z]) {

@@ -2,6 +2,7 @@
 
 mod hit;
 mod normals;
+mod orientation;
 mod planning;
 mod points;
 mod pyramid;
@@ -25,5 +26,8 @@ pub const ALL: &[Row] = &[
     room::ROOM,
     planning::PATH,
     registration::REGISTRATION,
+    orientation::SIMULATED,
+    orientation::SLOW,
+    orientation::VIBRATION,
     unpack::UNPACK,
 ];

@@ -16,6 +16,8 @@ use isobath::sensing::depth::{DepthArray, DepthUnit};
 use isobath::sensing::frame::DepthFrame;
 use isobath::skipping::pyramid::{Cell, Pyramid, cells_needed};
 
+mod devices;
+mod inertial;
 mod lighting;
 mod localized;
 
@@ -73,6 +75,8 @@ fn exercise(memory: &mut Memory) -> Option<usize> {
     let stereo = Disparity { focal: black_box(120.0), baseline: 0.05, offset: 0.0, scale: 1.0 };
     decode::disparity(memory.disparity.view(), stereo, millimetre, &mut memory.seen.view_mut()).ok()?;
 
+    let mut answers = devices::exercise(&mut memory.raw, &mut memory.seen, &mut memory.depth, &mut memory.confidence);
+
     // Sensing: cameras and frames.
     let k = Intrinsics::new(black_box(120.0), 120.0, 79.5, 59.5).ok()?;
     let lens = Distortion::from_slice(&black_box([0.1, -0.05, 0.001, 0.001, 0.0]))?;
@@ -91,7 +95,10 @@ fn exercise(memory: &mut Memory) -> Option<usize> {
     let pyramid = Pyramid::build(frame.depth(), &mut memory.cells).ok()?;
 
     // Answers.
-    let mut answers = localized::exercise(&frame, &pyramid, black_box(ray), &mut memory.localized);
+    answers += localized::exercise(&frame, &pyramid, black_box(ray), &mut memory.localized);
+
+    // The inertial sensor.
+    answers += inertial::exercise(&pose)?;
 
     // The light, of frames with colour.
     memory.colour.view_mut().fill(black_box([3; 3]));

@@ -1,0 +1,125 @@
+//! Nothing is allocated once a stream runs: a thousand frames and their readings over the bulk protocol. One test in its own program, so that no
+//! other test's memory is counted.
+
+#![allow(unsafe_code, reason = "a counting global allocator can't be written without")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use isobath::glam::Vec3;
+use isobath::ground::image::ImageView;
+use isobath::ground::units::Timestamp;
+use isobath::sensing::camera::{Camera, Distortion, Intrinsics};
+use isobath::sensing::depth::DepthUnit;
+use isobath::sensing::imu::ImuSample;
+use isobath::wire::bulk::{Encoding, Hello, Serial, encode_depth, encode_hello, encode_imu};
+use isobath_source::{Deadline, DepthSource, ImuSource, Outcome, OwnedFrame};
+use isobath_usb::bulk::{Bulk, CLASS, wanted};
+use isobath_usb::link::Options;
+use isobath_usb::sys::{Address, DeviceInfo, Interface, IsoLayout, Request, UsbDevice, UsbError, UsbSys};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::SeqCst);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// A device that writes its next message when it is asked for bytes.
+struct Endless {
+    sequence: u32,
+    depth: Vec<u16>,
+}
+
+impl UsbSys for Endless {
+    type Device = Self;
+
+    fn devices(&mut self) -> Result<Vec<DeviceInfo>, UsbError> {
+        let interfaces = vec![Interface { number: 0, class: CLASS, bulk_in: Some(0x81) }];
+        Ok(vec![DeviceInfo { address: Address { bus: 1, device: 1 }, vendor: 1, product: 1, interfaces }])
+    }
+
+    fn open(&mut self, _: Address) -> Result<Self, UsbError> {
+        Ok(Self { sequence: 0, depth: self.depth.clone() })
+    }
+
+    fn wait(&mut self, _: Duration) {}
+}
+
+impl UsbDevice for Endless {
+    fn serial(&mut self) -> Option<String> {
+        None
+    }
+    fn claim(&mut self, _: u8) -> Result<(), UsbError> {
+        Ok(())
+    }
+    fn control_in(&mut self, _: Request, _: &mut [u8], _: Duration) -> Result<usize, UsbError> {
+        Err(UsbError::Stall)
+    }
+    fn control_out(&mut self, _: Request, _: &[u8], _: Duration) -> Result<usize, UsbError> {
+        Err(UsbError::Stall)
+    }
+    fn bulk_in(&mut self, _: u8, data: &mut [u8], _: Duration) -> Result<usize, UsbError> {
+        let (n, time) = (self.sequence, Timestamp::from_nanos(i64::from(self.sequence) * 1_000_000));
+        self.sequence += 1;
+        let used = match n % 3 {
+            0 => {
+                let camera =
+                    Camera { intrinsics: Intrinsics::new(9.0, 9.0, 19.5, 14.5).unwrap(), distortion: Distortion::None };
+                let depth = Some((40, 30, DepthUnit::MILLIMETRE, camera));
+                let serial = Serial::default();
+                let hello = Hello { depth, frame_interval: 0, imu_millihertz: 1, imu_offset: 0, firmware: 0, serial };
+                encode_hello(&hello, n, time, data)
+            }
+            1 => {
+                let view = ImageView::new(&self.depth, 40, 30).unwrap();
+                encode_depth(view, DepthUnit::MILLIMETRE, 0, Encoding::Rvl, n / 3, time, data)
+            }
+            _ => encode_imu(&[ImuSample { time, rate: Vec3::X, force: Vec3::Y, field: None }], n / 3, data),
+        };
+        Ok(used.unwrap())
+    }
+    fn clear_halt(&mut self, _: u8) -> Result<(), UsbError> {
+        Ok(())
+    }
+    fn start_iso(&mut self, _: IsoLayout) -> Result<(), UsbError> {
+        Err(UsbError::Stall)
+    }
+    fn next_iso(&mut self, _: Duration, _: &mut dyn FnMut(Option<&[u8]>)) -> Result<usize, UsbError> {
+        Err(UsbError::Stall)
+    }
+    fn stop_iso(&mut self) {}
+}
+
+#[test]
+fn a_thousand_frames_without_an_allocation() {
+    let sys = Endless { sequence: 0, depth: (0..1200).map(|i| 500 + i).collect() };
+    let mut source = Bulk::open(sys, wanted(None), Options::default()).unwrap();
+    let mut frame = OwnedFrame::new();
+    let mut readings = [ImuSample { time: Timestamp::ZERO, rate: Vec3::ZERO, force: Vec3::ZERO, field: None }; 8];
+    let (mut frames, mut before) = (0, 0);
+    while frames < 1100 {
+        if frames == 100 {
+            before = ALLOCATIONS.load(Ordering::SeqCst);
+        }
+        // The device's clock and the host's do not fit: jumps come too.
+        frames += usize::from(source.next_into(&mut frame, Deadline::NEVER).unwrap() == Outcome::Frame);
+        let _ = source.read(&mut readings, Deadline::NEVER).unwrap();
+    }
+    assert_eq!(ALLOCATIONS.load(Ordering::SeqCst) - before, 0);
+}
