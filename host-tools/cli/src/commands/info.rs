@@ -37,6 +37,7 @@ pub(crate) fn run(args: &InfoArgs, say: &mut Say) -> Outcome {
     let mut frame = OwnedFrame::new();
     source.read(0, &mut frame)?;
     let imu = source.imu()?;
+    let own = source.live_imu().map(|imu| imu.info().kind.clone());
     let info = source.info();
     let frames = source.len();
     let k = frame.intrinsics;
@@ -66,11 +67,14 @@ pub(crate) fn run(args: &InfoArgs, say: &mut Say) -> Outcome {
         format!("yes; the first camera stands at {} m", point(p.translation()))
     });
     say.fact("poses", &pose);
-    let inertial = imu.as_ref().map_or("none".to_owned(), |imu| {
-        let field = if imu.has_field() { ", with magnetic field" } else { "" };
-        let rate = imu.info().rate_hz;
-        format!("{} readings at {rate:.0} Hz{field}", count(imu.len() as u64))
-    });
+    let inertial = imu.as_ref().map_or_else(
+        || own.unwrap_or_else(|| "none".to_owned()),
+        |imu| {
+            let field = if imu.has_field() { ", with magnetic field" } else { "" };
+            let rate = imu.info().rate_hz;
+            format!("{} readings at {rate:.0} Hz{field}", count(imu.len() as u64))
+        },
+    );
     say.fact("imu", &inertial);
     say.fact("up", &up.sentence());
     let imu_notes = imu.iter().flat_map(|imu| &imu.info().notes);
