@@ -71,7 +71,7 @@ pub struct VqfParams {
     pub rest: RestParams,
     /// How a magnetometer is believed.
     pub magnetic: MagneticParams,
-    /// Longest silence that is integrated over, seconds, above 0. Default 0.2.
+    /// Longest silence that is integrated over, seconds, 1e-6 to 10. Default 0.2.
     pub max_gap: f32,
     /// Standard deviation of the accelerometer's own offset on each axis, m/s^2, 0 or more: it bounds how well gravity can be known. Default 0.05 (5 thousandths of g, a
     /// calibrated sensor; 0.3 for one that is not).
@@ -102,7 +102,7 @@ impl VqfParams {
         in_range("bias_motion", self.bias_motion, 1e-6, 10.0)?;
         in_range("bias_vertical", self.bias_vertical, 1e-10, 1.0)?;
         in_range("bias_rest", self.bias_rest, 1e-6, 10.0)?;
-        positive("max_gap", self.max_gap)?;
+        in_range("max_gap", self.max_gap, 1e-6, 10.0)?;
         in_range("force_error", self.force_error, 0.0, 100.0)?;
         self.rest.check()?;
         self.magnetic.check()
