@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| isobath_tests::fuzz::container(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| isobath_tests::fuzz::open_messages(data));

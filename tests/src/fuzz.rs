@@ -24,7 +24,7 @@ pub use features::features;
 pub use inertial::imu;
 pub use lighting::lighting;
 pub use localized::localized;
-pub use parsers::{camera_file, container, depth_png, lists, message, npy, pgm};
+pub use parsers::{camera_file, depth_png, lists, message, npy, open_messages, pgm};
 pub use sensing::{camera, pose, pyramid, rectify};
 
 /// One target: its name and its body.
@@ -59,7 +59,7 @@ pub const TARGETS: &[Target] = &[
     ("parse_camera_file", camera_file),
     ("parse_lists", lists),
     ("decode_message", message),
-    ("open_messages", container),
+    ("open_messages", open_messages),
 ];
 
 /// A number of the kind that breaks things more often than chance would: special values, camera-like values, any bits.

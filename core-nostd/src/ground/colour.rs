@@ -4,8 +4,8 @@
 //! what a camera's byte 255 means. A pixel is any [`Colour`]: `[f32; 3]` (12 bytes), [`Rgb9e5`] (4 bytes, high dynamic range), or
 //! `[u8; 3]` (sRGB as cameras give it; above 1 it saturates).
 //!
-//! Tables: decoding 1,024 bytes, encoding 1,856 bytes, made by the compiler. Error: a decoded byte is the nearest `f32` but for
-//! 1 ulp; an encoded one is exact: the byte whose interval holds the number.
+//! Tables: decoding 1,024 bytes, encoding 2,692 bytes, made by the compiler. Error: a decoded byte is the nearest `f32` but for
+//! 1 ulp; an encoded one is exact: the byte whose interval holds the number. Cost of encoding: two loads and no branch.
 
 use super::math;
 
@@ -15,6 +15,11 @@ pub trait Colour: Copy {
     fn linear(self) -> [f32; 3];
     /// The nearest pixel to a linear colour. Negative and NaN are 0.
     fn of_linear(linear: [f32; 3]) -> Self;
+    /// The nearest pixel to a camera's bytes (sRGB).
+    #[inline(always)]
+    fn of_srgb(bytes: [u8; 3]) -> Self {
+        Self::of_linear(bytes.linear())
+    }
 }
 
 impl Colour for [f32; 3] {
@@ -38,6 +43,11 @@ impl Colour for [u8; 3] {
     #[inline(always)]
     fn of_linear(linear: [f32; 3]) -> Self {
         linear.map(encode_srgb)
+    }
+
+    #[inline(always)]
+    fn of_srgb(bytes: [u8; 3]) -> Self {
+        bytes
     }
 }
 
@@ -96,32 +106,29 @@ pub fn decode_srgb(byte: u8) -> f32 {
 }
 
 /// The sRGB byte of a linear value; 0 for what is negative or NaN, 255 above 1.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn encode_srgb(linear: f32) -> u8 {
-    if !(linear >= SMALLEST) {
-        return 0;
-    }
-    if linear >= 1.0 {
-        return 255;
-    }
-    let bin = ((linear.to_bits() - SMALLEST.to_bits()) >> BIN_SHIFT) as usize;
-    let mut code = FIRST.get(bin).copied().unwrap_or_default();
-    while STARTS.get(usize::from(code) + 1).is_some_and(|&s| s <= linear) {
-        code += 1;
-    }
-    code
+    // NaN is below nothing, and becomes the least.
+    let v = if linear > SMALLEST { linear } else { SMALLEST };
+    let v = if v < 1.0 { v } else { LARGEST };
+    let bin = ((v.to_bits() - SMALLEST.to_bits()) >> BIN_SHIFT) as usize;
+    let code = FIRST.get(bin).copied().unwrap_or_default();
+    let next = STARTS.get(usize::from(code) + 1).copied().unwrap_or_default();
+    code + u8::from(v >= next)
 }
 
 /// 2^-13: all below is byte 0.
 const SMALLEST: f32 = 1.0 / 8192.0;
-/// Six bits of mantissa choose a bin, which holds the start of at most three bytes.
-const BIN_SHIFT: u32 = 17;
-const BINS: usize = 13 << 6;
+/// The number before 1, of byte 255.
+const LARGEST: f32 = 1.0 - f32::EPSILON / 2.0;
+/// Seven bits of mantissa choose a bin, which holds the start of at most one byte.
+const BIN_SHIFT: u32 = 16;
+const BINS: usize = 13 << 7;
 
 static DECODED: [f32; 256] = decoded();
-/// Where each byte's interval starts.
-static STARTS: [f32; 256] = starts();
+/// Where each byte's interval starts; nothing starts after the last.
+static STARTS: [f32; 257] = starts();
 /// The byte of each bin's start.
 static FIRST: [u8; BINS] = first();
 
@@ -154,8 +161,9 @@ const fn decoded() -> [f32; 256] {
 }
 
 #[expect(clippy::indexing_slicing, reason = "run by the compiler, where a fault is an error")]
-const fn starts() -> [f32; 256] {
-    let mut table = [0.0; 256];
+const fn starts() -> [f32; 257] {
+    let mut table = [0.0; 257];
+    table[256] = f32::INFINITY;
     let mut i = 1;
     while i < 256 {
         table[i] = curve((i as f64 - 0.5) / 255.0) as f32;
@@ -198,6 +206,19 @@ mod tests {
             assert_eq!(encode_srgb(decode_srgb(byte)), byte);
         }
         assert_eq!([f32::NAN, -1.0, 0.0, 1e-9, 2.0, f32::INFINITY].map(encode_srgb), [0, 0, 0, 0, 255, 255]);
+    }
+
+    #[test]
+    fn a_bin_holds_the_start_of_one_byte_at_most() {
+        for (bin, first) in FIRST.iter().enumerate() {
+            let last = f32::from_bits(SMALLEST.to_bits() + ((bin as u32 + 1) << BIN_SHIFT) - 1);
+            assert!(STARTS[usize::from(*first).min(254) + 2] > last, "bin {bin}");
+        }
+        // Every start is the first number of its byte.
+        for byte in 1..=255 {
+            let start = STARTS[usize::from(byte)];
+            assert_eq!([encode_srgb(start.next_down()), encode_srgb(start)], [byte - 1, byte]);
+        }
     }
 
     proptest! {

@@ -3,7 +3,10 @@
 //! The near field's picture lies over the far field's map by its coverage, in linear light. Where the picture's finest level has another size
 //! than the map, a map pixel is the mean of the picture's pixels under it, so levels finer than the map smooth edges.
 
-use super::far::extrapolate::FarMap;
+use core::cell::Cell;
+use core::ops::Range;
+
+use super::far::extrapolate::{Eight, FarMap, put};
 use super::near::NearField;
 use crate::ground::colour::Colour;
 use crate::ground::image::{ImageView, ImageViewMut};
@@ -96,90 +99,91 @@ impl<'a> Over<'a> {
         &self,
         far: &FarMap<COLUMNS, ROWS>,
         y: usize,
-        columns: core::ops::Range<usize>,
+        columns: Range<usize>,
         out: &mut ImageViewMut<'_, C>,
     ) {
         let width = self.map.0;
         let Some(to) = out.row_mut(y).get_mut(columns.clone()) else { return };
+        // Eight pixels at a time: at once where nothing shines through.
+        let (start, to) = (columns.start, Cell::from_mut(to).as_slice_of_cells());
+        let behind = || far.blended(y, self.map.1);
         if self.taps == 1 && self.picture.width() == width {
-            let over = self.picture.row(self.row_of(y, 0)).get(columns.clone()).unwrap_or_default();
-            // Where nothing shines through, what is behind need not be known.
-            let mut blended = None;
-            let mut x = 0;
-            while x < over.len() {
-                let whole = over.iter().skip(x).take_while(|p| p[3] == 255).count();
-                let (Some(now), Some(from)) = (to.get_mut(x..x + whole), over.get(x..x + whole)) else { break };
-                for (to, [r, g, b, _]) in now.iter_mut().zip(from) {
-                    *to = C::of_linear([*r, *g, *b].linear());
+            let picture = self.picture.row(self.row_of(y, 0));
+            let over = Cell::new([[0; 4]; LANES]);
+            let needed = |eight: Eight| {
+                let from = picture.get(eight.first..).unwrap_or_default();
+                let mut pixels = [[0; 4]; LANES];
+                match from.first_chunk() {
+                    Some(eight) => pixels = *eight,
+                    None => pixels.iter_mut().zip(from).for_each(|(to, from)| *to = *from),
                 }
-                x += whole;
-                let rest = over.iter().skip(x).take_while(|p| p[3] != 255).count();
-                if rest == 0 {
-                    break;
+                over.set(pixels);
+                let shines = pixels.iter().fold(255, |all, p| all & p[3]) != 255;
+                if !shines {
+                    put(to, start, eight, pixels.map(|[r, g, b, _]| C::of_srgb([r, g, b])));
                 }
-                let blended = blended.get_or_insert_with(|| far.blended(y, self.map.1));
-                let mut pixels = to.iter_mut().zip(over).skip(x).take(rest);
-                far.columns(blended, columns.start + x..columns.start + x + rest, width, |_, light| {
-                    if let Some((to, over)) = pixels.next() {
-                        *to = C::of_linear(lay(*over, light));
-                    }
-                });
-                x += rest;
-            }
+                shines
+            };
+            FarMap::<COLUMNS, ROWS>::eights(columns, width, behind, needed, |eight, [r, g, b]| {
+                let mut lit = [[0.0; 3]; LANES];
+                let light = r.0.iter().zip(&g.0).zip(&b.0);
+                for ((lit, over), ((r, g), b)) in lit.iter_mut().zip(over.get()).zip(light) {
+                    *lit = lay(over, [*r, *g, *b]);
+                }
+                put(to, start, eight, lit.map(C::of_linear));
+            });
             return;
         }
-        // Eight pixels at a time: what of the picture lies over them, and, unless that is all, what is behind.
         let mut rows: [&[[u8; 4]]; MOST_TAPS] = [&[]; MOST_TAPS];
         for (tap, row) in rows.iter_mut().enumerate().take(self.taps) {
             *row = self.picture.row(self.row_of(y, tap));
         }
         let rows = rows.get(..self.taps).unwrap_or_default();
-        let whole = 255.0 * (self.taps * self.taps) as f32;
-        let mut blended = None;
-        for (block, to) in to.chunks_mut(LANES).enumerate() {
-            let first = columns.start + block * LANES;
-            let mut over = [([0.0_f32; 3], 0.0_f32); LANES];
-            for (x, over) in (first..).zip(over.iter_mut().take(to.len())) {
-                *over = self.under(rows, x);
+        let norm = 1.0 / (255 * self.taps * self.taps) as f32;
+        let over = Cell::new([[0.0_f32; 4]; LANES]);
+        let needed = |eight: Eight| {
+            let mut pixels = [[0.0_f32; 4]; LANES];
+            for (x, pixel) in (eight.first..).zip(&mut pixels) {
+                *pixel = self.under(rows, x, norm);
             }
-            let over = over.get(..to.len()).unwrap_or_default();
-            let mut pixels = to.iter_mut().zip(over);
-            if over.iter().all(|(_, cover)| *cover >= whole) {
-                for (to, (sum, _)) in pixels {
-                    *to = C::of_linear(sum.map(|v| v * (1.0 / whole)));
-                }
-                continue;
+            over.set(pixels);
+            let shines = pixels.iter().any(|p| p[3] < 1.0 - 1e-6);
+            if !shines {
+                put(to, start, eight, pixels.map(|[r, g, b, _]| C::of_linear([r, g, b])));
             }
-            let blended = blended.get_or_insert_with(|| far.blended(y, self.map.1));
-            far.columns(blended, first..first + over.len(), width, |_, light| {
-                let Some((to, (sum, cover))) = pixels.next() else { return };
-                let rest = 1.0 - cover * (1.0 / whole);
-                let mut mixed = light;
-                for (mixed, sum) in mixed.iter_mut().zip(sum) {
-                    *mixed = sum * (1.0 / whole) + rest * *mixed;
-                }
-                *to = C::of_linear(mixed);
-            });
-        }
+            shines
+        };
+        FarMap::<COLUMNS, ROWS>::eights(columns, width, behind, needed, |eight, [fr, fg, fb]| {
+            let mut lit = [[0.0; 3]; LANES];
+            let light = fr.0.iter().zip(&fg.0).zip(&fb.0);
+            for ((lit, [r, g, b, cover]), ((fr, fg), fb)) in lit.iter_mut().zip(over.get()).zip(light) {
+                let rest = 1.0 - cover;
+                *lit = [r + rest * fr, g + rest * fg, b + rest * fb];
+            }
+            put(to, start, eight, lit.map(C::of_linear));
+        });
     }
 
-    /// The picture's light under a map pixel, times its coverage, and the coverage: sums over the taps.
+    /// The picture's mean light under a map pixel, times its coverage, and the coverage, 0 to 1.
     #[inline(always)]
-    fn under(&self, rows: &[&[[u8; 4]]], x: usize) -> ([f32; 3], f32) {
-        let (mut sum, mut cover) = ([0.0_f32; 3], 0.0_f32);
+    fn under(&self, rows: &[&[[u8; 4]]], x: usize, norm: f32) -> [f32; 4] {
+        let mut sum = [0.0_f32; 4];
         for tap in 0..self.taps {
             // The tap's middle, in picture columns: 32 bits of fraction.
             let column = ((((x * self.taps + tap) * 2 + 1) as u64 * self.across) >> 32) as usize;
             for row in rows {
                 let [r, g, b, a] = row.get(column).copied().unwrap_or_default();
-                let a = f32::from(a);
-                cover += a;
-                for (sum, v) in sum.iter_mut().zip([r, g, b].linear()) {
-                    *sum += a * v;
+                if a == 0 {
+                    continue;
+                }
+                let part = f32::from(a) * norm;
+                let [r, g, b] = [r, g, b].linear();
+                for (sum, v) in sum.iter_mut().zip([r, g, b, 1.0]) {
+                    *sum += part * v;
                 }
             }
         }
-        (sum, cover)
+        sum
     }
 }
 

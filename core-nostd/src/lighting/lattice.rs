@@ -66,30 +66,50 @@ impl<const N: usize> Lattice<N> {
         if !best.0.is_finite() {
             return None;
         }
-        // A walk gets nearer with every step: it can't come to an anchor twice.
-        for _ in 0..N {
+        let nearer = |best: (f32, usize), i: usize| {
+            let c = cosine(i);
+            if c > best.0 || (c == best.0 && i < best.1) { (c, i) } else { best }
+        };
+        // The differences of the nearest neighbours at the direction's height are tried alone until they lead no further, then all neighbours' where that is.
+        let few = Self::close_steps(direction.y).get(1..4).unwrap_or_default();
+        let mut steps = few;
+        // A walk gets nearer with every step, and stands still twice at most: it can't come to an anchor again.
+        for _ in 0..2 * N {
             let from = best.1;
-            let mut try_anchor = |i: usize| {
-                let c = cosine(i);
-                if c > best.0 || (c == best.0 && i < best.1) {
-                    best = (c, i);
-                }
-            };
-            for step in STEPS {
-                try_anchor(from.wrapping_sub(step));
-                try_anchor(from + step);
+            for step in steps {
+                best = nearer(nearer(best, from.wrapping_sub(*step)), from + step);
+            }
+            if best.1 != from {
+                steps = few;
+                continue;
+            }
+            if steps.len() == few.len() {
+                steps = Self::close_steps(table.get(from).map_or(0.0, |[_, y, _]| *y));
+                continue;
             }
             if from < POLAR {
-                (0..POLAR).for_each(&mut try_anchor);
+                best = (0..POLAR).fold(best, nearer);
             }
             if from + POLAR >= N {
-                (N.saturating_sub(POLAR)..N).for_each(&mut try_anchor);
+                best = (N.saturating_sub(POLAR)..N).fold(best, nearer);
             }
             if best.1 == from {
                 break;
             }
+            steps = few;
         }
         Some(best.1)
+    }
+
+    /// Differences of neighbours at a height: five Fibonacci numbers around sqrt(pi N (1 - y^2) / sqrt(5)), at which the distance of two anchors so many
+    /// apart is least (Swinbank and Purser 2006).
+    #[inline(always)]
+    fn close_steps(y: f32) -> &'static [usize] {
+        let square = 1.405 * N as f32 * (1.0 - y * y);
+        // F(k + 1) F(k): where one number is as good as the next.
+        let k = STEPS.windows(2).take_while(|pair| matches!(pair, [a, b] if ((a * b) as f32) < square)).count();
+        let first = k.saturating_sub(2).min(STEPS.len() - 5);
+        STEPS.get(first..first + 5).unwrap_or(&STEPS)
     }
 
     /// An anchor near a unit vector: of those at about its height, one at about its longitude.

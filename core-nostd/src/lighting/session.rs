@@ -15,7 +15,7 @@ use super::far::extrapolate::{FarMap, FarMapReport};
 use super::far::observe::{FarError, FarSampling};
 use super::far::{FarField, FarReport};
 use super::near::{NearError, NearField, NearReport};
-use super::registration::{Outcome, Registration, RegistrationError};
+use super::registration::{Registration, RegistrationError};
 use crate::ground::colour::Colour;
 use crate::ground::image::{ImageView, ImageViewMut};
 use crate::ground::units::Timestamp;
@@ -220,14 +220,14 @@ impl<'m, const N: usize, const COLUMNS: usize, const ROWS: usize> Session<'m, N,
         self.near.prepare(registration, noise)
     }
 
-    /// Takes the poses that a finished registration is sure of, those that are corrected in some directions alone included. Views that were replaced since stay. How many moved.
+    /// Takes the poses that a finished registration [corrected](super::registration::Outcome::is_corrected), in some directions alone included. Views that were replaced since
+    /// stay. How many moved.
     pub fn adopt<const V: usize>(&mut self, registration: &Registration<'_, V>) -> usize {
         let mut moved = 0;
         for slot in 0..self.near.preset().views {
             let Some(report) = registration.report(slot) else { continue };
             let same = self.near.view(slot).is_some_and(|view| view.pose == report.tracked);
-            let sure = matches!(report.outcome, Outcome::Registered | Outcome::Degenerate);
-            if sure && same && self.correct(slot, report.pose) {
+            if report.outcome.is_corrected() && same && self.correct(slot, report.pose) {
                 moved += 1;
             }
         }

@@ -61,6 +61,8 @@ pub struct Scan {
     pub rate: Option<Vec3>,
     /// Specific force, m/s².
     pub force: Option<Vec3>,
+    /// Magnetic field, microtesla.
+    pub field: Option<Vec3>,
 }
 
 /// A sensor whose buffer is on; it is switched off when this is dropped.
@@ -73,6 +75,7 @@ pub struct Device {
     stamp_at: usize,
     gyroscope: Option<Triple>,
     accelerometer: Option<Triple>,
+    magnetometer: Option<Triple>,
     buffer: Vec<u8>,
     filled: usize,
     stamps: Stamps,
@@ -112,7 +115,9 @@ impl Device {
         if let Some(rate) = rate_hz {
             set_rate(dir, rate, &mut notes);
         }
-        for kind in ["accel", "anglvel"].iter().filter(|k| dir.join(format!("scan_elements/in_{k}_x_en")).exists()) {
+        for kind in
+            ["accel", "anglvel", "magn"].iter().filter(|k| dir.join(format!("scan_elements/in_{k}_x_en")).exists())
+        {
             for axis in ["x", "y", "z"] {
                 set(&format!("scan_elements/in_{kind}_{axis}_en"), "1", "switching a channel on")?;
             }
@@ -147,7 +152,11 @@ impl Device {
             apply(quirk, kind, &mut triple);
             Ok(Some(triple))
         };
-        let (gyroscope, accelerometer) = (triple("anglvel")?, triple("accel")?);
+        let (gyroscope, accelerometer, mut magnetometer) = (triple("anglvel")?, triple("accel")?, triple("magn")?);
+        if let Some(triple) = &mut magnetometer {
+            // The kernel counts in gauss.
+            triple.scale = triple.scale.map(|scale| scale * 100.0);
+        }
         let rate_hz = rate(dir);
         set("buffer/enable", "1", "switching its buffer on")?;
         Ok(Self {
@@ -158,6 +167,7 @@ impl Device {
             stamp_at,
             gyroscope,
             accelerometer,
+            magnetometer,
             buffer: vec![0; scan * AT_ONCE],
             filled: 0,
             stamps: Stamps::default(),
@@ -206,7 +216,8 @@ impl Device {
             let stamp = scan.get(self.stamp_at..).and_then(|bytes| ChannelType::TIMESTAMP.value(bytes, 0));
             let Some(stamp) = stamp.filter(|t| self.stamps.usable(*t)) else { continue };
             let of = |triple: &Option<Triple>| triple.as_ref().and_then(|t| t.value(scan)).filter(|v| v.is_finite());
-            take(Scan { stamp, rate: of(&self.gyroscope), force: of(&self.accelerometer) });
+            let (rate, force) = (of(&self.gyroscope), of(&self.accelerometer));
+            take(Scan { stamp, rate, force, field: of(&self.magnetometer) });
         }
         let used = whole * self.scan;
         self.buffer.copy_within(used..self.filled, 0);
@@ -278,7 +289,7 @@ fn parse_mount(text: &str) -> Option<Mat3> {
 
 fn apply(quirk: Quirk, kind: &str, triple: &mut Triple) {
     let scale = match (quirk, kind) {
-        (Quirk::None, _) => return,
+        (Quirk::None, _) | (_, "magn") => return,
         (_, "accel") => realsense::ACCEL,
         (Quirk::RealSense, _) => realsense::GYRO,
         (Quirk::RealSenseBefore516, _) => {

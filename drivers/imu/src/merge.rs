@@ -5,7 +5,9 @@
 //! 4 to 16 ms. A reading before the first of the accelerometer's is dropped, as is one between two that lie further apart than [`FARTHEST`]:
 //! there is nothing to interpolate.
 //!
-//! Memory: two rings of [`ROOM`] readings, made once. Error: of the interpolation (a vibration above half the accelerometer's rate is not seen).
+//! A magnetometer's reading, where there is one, holds until the next, [`HELD`] at most.
+//!
+//! Memory: three rings of [`ROOM`] readings, made once. Error: of the interpolation (a vibration above half the accelerometer's rate is not seen).
 
 use std::collections::VecDeque;
 
@@ -16,6 +18,22 @@ pub const ROOM: usize = 512;
 /// Nanoseconds between two accelerometer readings beyond which nothing is interpolated: 200 ms.
 pub const FARTHEST: i64 = 200_000_000;
 
+/// Nanoseconds that a magnetometer's reading holds: 500 ms.
+pub const HELD: i64 = 500_000_000;
+
+/// Both, at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Merged {
+    /// Nanoseconds, of the gyroscope's reading.
+    pub time: i64,
+    /// Angular rate, rad/s.
+    pub rate: Vec3,
+    /// Specific force, m/s².
+    pub force: Vec3,
+    /// Magnetic field, microtesla.
+    pub field: Option<Vec3>,
+}
+
 /// A reading of one sensor: nanoseconds, and its vector.
 type Reading = (i64, Vec3);
 
@@ -24,6 +42,7 @@ type Reading = (i64, Vec3);
 pub struct Merger {
     rates: VecDeque<Reading>,
     forces: VecDeque<Reading>,
+    fields: VecDeque<Reading>,
     lost: u64,
 }
 
@@ -37,7 +56,8 @@ impl Merger {
     /// Empty.
     #[must_use]
     pub fn new() -> Self {
-        Self { rates: VecDeque::with_capacity(ROOM), forces: VecDeque::with_capacity(ROOM), lost: 0 }
+        let room = || VecDeque::with_capacity(ROOM);
+        Self { rates: room(), forces: room(), fields: room(), lost: 0 }
     }
 
     /// Takes a reading of the gyroscope, rad/s.
@@ -57,8 +77,25 @@ impl Merger {
         self.forces.push_back((time, force));
     }
 
-    /// The next reading of both: time, rate, force. `None` until the accelerometer is as far as the gyroscope.
-    pub fn pop(&mut self) -> Option<(i64, Vec3, Vec3)> {
+    /// Takes a reading of the magnetometer, microtesla.
+    pub fn field(&mut self, time: i64, field: Vec3) {
+        if self.fields.len() == ROOM {
+            self.fields.pop_front();
+        }
+        self.fields.push_back((time, field));
+    }
+
+    /// The field at a time, of which later ones follow.
+    fn field_at(&mut self, time: i64) -> Option<Vec3> {
+        while self.fields.get(1).is_some_and(|(t, _)| *t <= time) {
+            self.fields.pop_front();
+        }
+        let &(at, field) = self.fields.front()?;
+        (at <= time && time.saturating_sub(at) <= HELD).then_some(field)
+    }
+
+    /// The next reading of both. `None` until the accelerometer is as far as the gyroscope.
+    pub fn pop(&mut self) -> Option<Merged> {
         loop {
             let &(time, rate) = self.rates.front()?;
             // The last reading of the accelerometer that is not later becomes the first.
@@ -72,7 +109,7 @@ impl Merger {
             }
             if before == time {
                 self.rates.pop_front();
-                return Some((time, rate, force));
+                return Some(Merged { time, rate, force, field: self.field_at(time) });
             }
             let &(after, next) = self.forces.get(1)?;
             let (span, part) = (after.saturating_sub(before), time.saturating_sub(before));
@@ -81,7 +118,8 @@ impl Merger {
                 continue;
             }
             self.rates.pop_front();
-            return Some((time, rate, force.lerp(next, (part as f64 / span as f64) as f32)));
+            let force = force.lerp(next, (part as f64 / span as f64) as f32);
+            return Some(Merged { time, rate, force, field: self.field_at(time) });
         }
     }
 
@@ -100,6 +138,7 @@ impl Merger {
     pub fn clear(&mut self) {
         self.rates.clear();
         self.forces.clear();
+        self.fields.clear();
     }
 }
 
@@ -117,12 +156,18 @@ mod tests {
         m.rate(20, Vec3::Z);
         assert_eq!(m.pop(), None);
         m.force(20, Vec3::splat(10.0));
-        assert_eq!(m.pop(), Some((12, Vec3::Y, Vec3::splat(2.0))));
-        assert_eq!(m.pop(), Some((20, Vec3::Z, Vec3::splat(10.0))));
+        m.field(11, Vec3::X);
+        m.field(13, Vec3::NEG_X);
+        let merged = |time, rate, force, field| Some(Merged { time, rate, force, field: Some(field) });
+        assert_eq!(m.pop(), merged(12, Vec3::Y, Vec3::splat(2.0), Vec3::X));
+        assert_eq!(m.pop(), merged(20, Vec3::Z, Vec3::splat(10.0), Vec3::NEG_X));
         assert_eq!((m.pop(), m.lost()), (None, 1));
         m.rate(30, Vec3::X);
         m.force(20 + FARTHEST + 1, Vec3::X);
         assert_eq!((m.pop(), m.lost()), (None, 2));
+        m.force(14 + HELD, Vec3::X);
+        m.rate(14 + HELD, Vec3::X);
+        assert_eq!(m.pop().map(|m| m.field), Some(None), "a field of half a second ago is none");
     }
 
     proptest! {
@@ -145,7 +190,8 @@ mod tests {
                     m.force(a, force(a));
                     a += accel;
                 }
-                while let Some((t, rate, f)) = m.pop() {
+                while let Some(Merged { time: t, rate, force: f, field }) = m.pop() {
+                    prop_assert_eq!(field, None);
                     prop_assert_eq!(rate.x, t as f32);
                     prop_assert!((f - force(t)).length() < 1e-4 + 1e-5 * f.length(), "{} {}", f, force(t));
                     seen.push(t);

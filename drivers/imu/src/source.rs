@@ -1,4 +1,4 @@
-//! The source: one sensor that measures both, or a gyroscope and the accelerometer beside it.
+//! The source: one sensor that measures all, or a gyroscope, the accelerometer beside it, and the magnetometer of the same device.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -13,8 +13,8 @@ use isobath_source::{
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::device::{Device, Quirk, Scan};
-use crate::merge::Merger;
-use crate::sysfs::{Found, Root, describe, list, partner};
+use crate::merge::{Merged, Merger};
+use crate::sysfs::{Found, Root, describe, list, partner, together};
 
 /// Intel.
 const REALSENSE: u16 = 0x8086;
@@ -40,8 +40,8 @@ pub struct Options {
 pub struct IioImu {
     info: ImuInfo,
     /// The gyroscope, or the sensor that is both, first.
-    devices: [Option<Device>; 2],
-    heard: [HostNanos; 2],
+    devices: [Option<Device>; 3],
+    heard: [HostNanos; 3],
     merger: Merger,
     clock: Box<dyn Clock + Send>,
     /// Of the sensors' stamps, when they are not the host's.
@@ -90,23 +90,31 @@ impl IioImu {
         };
         let second = match (first.gyroscope, first.accelerometer) {
             (true, true) => None,
-            _ => Some(partner(&first, &all).cloned().ok_or_else(|| {
-                missing(first.path.clone(), "it measures only one of rate and force, and there is no other")
-            })?),
+            (false, false) => return Err(missing(first.path, "it measures neither rate nor force")),
+            (gyroscope, _) => Some(
+                partner(&first, &all, |f| if gyroscope { f.accelerometer } else { f.gyroscope }).cloned().ok_or_else(
+                    || missing(first.path.clone(), "it measures only one of rate and force, and there is no other"),
+                )?,
+            ),
         };
         let (gyroscope, accelerometer) = match second {
             Some(second) if !first.gyroscope => (second, Some(first)),
             second => (first, second),
         };
-        Self::start(&gyroscope, accelerometer.as_ref(), options, clock)
+        let measured = gyroscope.magnetometer || accelerometer.as_ref().is_some_and(|a| a.magnetometer);
+        let beside = |f: &Found| f.magnetometer && !f.gyroscope && !f.accelerometer && together(f, &gyroscope);
+        let magnetometer = if measured { None } else { partner(&gyroscope, &all, beside) };
+        Self::start([Some(&gyroscope), accelerometer.as_ref(), magnetometer], options, clock)
     }
 
     fn start(
-        gyroscope: &Found,
-        accelerometer: Option<&Found>,
+        sensors: [Option<&Found>; 3],
         options: &Options,
         clock: Box<dyn Clock + Send>,
     ) -> Result<Self, SourceError> {
+        let [Some(gyroscope), accelerometer, magnetometer] = sensors else {
+            return Err(SourceError::Disconnected { device: options.root.sysfs.display().to_string() });
+        };
         let mut notes = Vec::new();
         let realsense = gyroscope.usb.is_some_and(|(vendor, _)| vendor == REALSENSE) && gyroscope.name == "gyro_3d";
         let quirk = match options.quirk {
@@ -121,6 +129,7 @@ impl IioImu {
         // Should the second fail, the first is switched off by being dropped.
         let first = on(gyroscope)?;
         let second = accelerometer.map(on).transpose()?;
+        let third = magnetometer.map(on).transpose()?;
         let mut kind = gyroscope.name.clone();
         let rate_hz = first.rate_hz;
         notes.extend(first.notes.iter().cloned());
@@ -129,12 +138,16 @@ impl IioImu {
             notes.extend(second.notes.iter().cloned());
             notes.push("the accelerometer is interpolated at the gyroscope's times".to_owned());
         }
+        if let Some(third) = &third {
+            kind = format!("{kind} + {}", third.found().name);
+            notes.extend(third.notes.iter().cloned());
+        }
         notes.dedup();
         let now = clock.now();
         Ok(Self {
             info: ImuInfo { kind: format!("{kind} (IIO)"), path: gyroscope.path.clone(), rate_hz, notes },
-            devices: [Some(first), second],
-            heard: [now; 2],
+            devices: [Some(first), second, third],
+            heard: [now; 3],
             merger: Merger::new(),
             clock,
             device_clock: None,
@@ -158,7 +171,7 @@ impl IioImu {
         for (device, heard) in devices.iter_mut().zip(heard) {
             let Some(device) = device else { continue };
             let now = clock.now();
-            let scans = device.scans(|Scan { stamp, rate, force }| {
+            let scans = device.scans(|Scan { stamp, rate, force, field }| {
                 if !*decided {
                     *decided = true;
                     let near = stamp.cast_unsigned().abs_diff(now.0) <= NEAR;
@@ -188,6 +201,9 @@ impl IioImu {
                 if let Some(force) = force {
                     merger.force(time, force);
                 }
+                if let Some(field) = field {
+                    merger.field(time, field);
+                }
                 if let Some(rate) = rate {
                     merger.rate(time, rate);
                 }
@@ -202,17 +218,11 @@ impl IioImu {
 
     /// Waits until a sensor has something, or the time is up.
     fn wait(&self, time: Duration) -> Result<(), SourceError> {
-        let [Some(first), second] = &self.devices else { return Ok(()) };
+        let Some(first) = &self.devices[0] else { return Ok(()) };
         let timeout =
             Timespec { tv_sec: i64::try_from(time.as_secs()).unwrap_or(i64::MAX), tv_nsec: time.subsec_nanos().into() };
-        let mut fds =
-            [PollFd::from_borrowed_fd(first.fd(), PollFlags::IN), PollFd::from_borrowed_fd(first.fd(), PollFlags::IN)];
-        let mut count = 1;
-        if let Some(second) = second {
-            fds[1] = PollFd::from_borrowed_fd(second.fd(), PollFlags::IN);
-            count = 2;
-        }
-        let fds = fds.get_mut(..count).unwrap_or_default();
+        let mut fds = self.devices.each_ref().map(|device| readable(device.as_ref().unwrap_or(first)));
+        let fds = &mut fds[..];
         match poll(fds, Some(&timeout)) {
             Ok(_) | Err(rustix::io::Errno::INTR) => {}
             Err(e) => return Err(SourceError::io(&self.info.path, io::Error::from(e))),
@@ -237,11 +247,11 @@ impl IioImu {
             let came = self.take()?;
             let mut count = 0;
             for place in &mut *out {
-                let Some((ticks, rate, force)) = self.merger.pop() else { break };
+                let Some(Merged { time: ticks, rate, force, field }) = self.merger.pop() else { break };
                 // Only now: put together by the sensors' own clock, readings keep their distances while the two clocks get to know each other.
                 let host = self.device_clock.as_mut().and_then(|map| map.to_host(DeviceTicks(ticks.cast_unsigned())));
                 let time = host.map_or(ticks, |host| host.timestamp().as_nanos());
-                *place = ImuSample { time: Timestamp::from_nanos(time), rate, force, field: None };
+                *place = ImuSample { time: Timestamp::from_nanos(time), rate, force, field };
                 count += 1;
             }
             if count > 0 {
@@ -249,10 +259,10 @@ impl IioImu {
             }
             let now = self.clock.now();
             if self.devices[1].is_some() {
-                let [a, b] = self.heard;
+                let [a, b, _] = self.heard;
                 if a.saturating_since(b).max(b.saturating_since(a)) > SILENCE {
                     // Once: what is heard from here on counts anew.
-                    self.heard = [now; 2];
+                    self.heard = [now; 3];
                     return Err(SourceError::Link {
                         path: self.info.path.clone(),
                         kind: LinkKind::NoAnswer,
@@ -269,6 +279,10 @@ impl IioImu {
             }
         }
     }
+}
+
+fn readable(device: &Device) -> PollFd<'_> {
+    PollFd::from_borrowed_fd(device.fd(), PollFlags::IN)
 }
 
 impl ImuSource for IioImu {

@@ -30,6 +30,8 @@ pub struct Found {
     pub accelerometer: bool,
     /// Whether it measures angular rate.
     pub gyroscope: bool,
+    /// Whether it measures the magnetic field.
+    pub magnetometer: bool,
     /// Vendor and product number of the USB device it is a part of.
     pub usb: Option<(u16, u16)>,
 }
@@ -68,12 +70,12 @@ fn usb_numbers(sensor: &Path) -> Option<(u16, u16)> {
 #[must_use]
 pub fn describe(path: &Path) -> Option<Found> {
     let axis = |kind: &str| path.join(format!("scan_elements/in_{kind}_x_en")).is_file();
-    let (accelerometer, gyroscope) = (axis("accel"), axis("anglvel"));
-    if !accelerometer && !gyroscope {
+    let (accelerometer, gyroscope, magnetometer) = (axis("accel"), axis("anglvel"), axis("magn"));
+    if !accelerometer && !gyroscope && !magnetometer {
         return None;
     }
     let name = read(&path.join("name")).unwrap_or_default();
-    Some(Found { path: path.to_path_buf(), name, accelerometer, gyroscope, usb: usb_numbers(path) })
+    Some(Found { path: path.to_path_buf(), name, accelerometer, gyroscope, magnetometer, usb: usb_numbers(path) })
 }
 
 /// Every sensor, in the order of the kernel's numbers; none where there is no such directory.
@@ -89,14 +91,26 @@ pub fn list(root: &Root) -> Vec<Found> {
     all
 }
 
-/// The accelerometer that belongs to a gyroscope (or the other way round): the one with which it shares the longest way from the root, which is a device
-/// that both are parts of.
+/// The sensor that belongs to another and fits: the one with which it shares the longest way from the root, which is a device that both are parts of.
 #[must_use]
-pub fn partner<'a>(of: &Found, all: &'a [Found]) -> Option<&'a Found> {
-    let real = |path: &Path| fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+pub fn partner<'a>(of: &Found, all: &'a [Found], fits: impl Fn(&Found) -> bool) -> Option<&'a Found> {
     let mine = real(&of.path);
-    let shared = |other: &Path| mine.components().zip(other.components()).take_while(|(a, b)| a == b).count();
-    let fits = |f: &&Found| f.path != of.path && (f.accelerometer != of.accelerometer || f.gyroscope != of.gyroscope);
+    let near = |f: &&Found| mine.components().zip(real(&f.path).components()).take_while(|(a, b)| a == b).count();
     // The first of the nearest ones.
-    all.iter().filter(fits).rev().max_by_key(|f| shared(&real(&f.path)))
+    all.iter().filter(|f| f.path != of.path && fits(f)).rev().max_by_key(near)
+}
+
+/// Whether two sensors are parts of one device: of one USB device, or children of one directory that is not the system's list.
+#[must_use]
+pub fn together(a: &Found, b: &Found) -> bool {
+    let parent = |f: &Found| real(&f.path).parent().map(Path::to_path_buf);
+    match (usb_parent(&a.path), usb_parent(&b.path)) {
+        (Some(a), Some(b)) => a == b,
+        (None, None) => parent(a) == parent(b),
+        _ => false,
+    }
+}
+
+fn real(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
 }

@@ -106,6 +106,31 @@ fn one_sensor_with_both_by_its_name() {
 }
 
 #[test]
+fn a_magnetometer_of_the_same_device_joins() {
+    let tree = Tree::new();
+    let usb = Some(("1209", "3-1"));
+    let magn = ["magn_x", "magn_y", "magn_z"];
+    let mut accel = tree.sensor(0, "accel_3d", usb, &channels(ACCEL, HID), &[]);
+    let mut gyro = tree.sensor(1, "gyro_3d", usb, &channels(GYRO, HID), &[]);
+    let mut field = tree.sensor(2, "magn_3d", usb, &channels(magn, HID), &[("in_magn_scale", "0.001")]);
+    let _other = tree.sensor(3, "magn_3d", Some(("1209", "3-2")), &channels(magn, HID), &[]);
+    let mut imu = open(None, &tree.options()).unwrap();
+    assert_eq!(imu.info().kind, "gyro_3d + accel_3d + magn_3d (IIO)");
+    let t = now();
+    send(&mut field, &hid_scan([200, 0, -400], t - 1_000_000));
+    send(&mut accel, &hid_scan([0, 0, 10], t));
+    send(&mut gyro, &hid_scan([1, 2, 3], t));
+    let got = read(&mut imu)[0];
+    // A thousandth of a gauss is a tenth of a microtesla.
+    assert!((got.field.unwrap() - Vec3::new(20.0, 0.0, -40.0)).length() < 1e-4, "{:?}", got.field);
+    drop(imu);
+    assert_eq!(tree.get("iio:device2", "buffer/enable"), "0");
+    // One that only knows the field is no inertial sensor.
+    let e = open(Some(Path::new("iio:device3")), &tree.options()).unwrap_err();
+    assert!(e.to_string().contains("neither rate nor force"), "{e}");
+}
+
+#[test]
 fn realsense_has_scales_of_its_own() {
     let of = |quirk| {
         let tree = Tree::new();

@@ -16,7 +16,7 @@ mod tum_writer;
 
 pub use camera_file::{ColourSection, DepthSection, Direction, Format, PoseSection};
 pub use imu::{ImuRecording, open_imu};
-pub use mcap::writer::{McapOptions, McapWriter, Recorded};
+pub use mcap::writer::{McapOptions, McapReport, McapWriter};
 pub use parse::CameraFile;
 pub use reader::{OpenOptions, is_messages, open, open_bytes};
 pub use tum_writer::{TumOptions, TumReport, TumWriter};

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use isobath::glam::Vec3;
 use isobath::ground::units::Timestamp;
-use isobath_recording::{OpenOptions, open, open_bytes};
-use isobath_source::{Deadline, DepthPixels, Outcome, OwnedFrame, Recording};
+use isobath::sensing::imu::ImuSample;
+use isobath_recording::{OpenOptions, open, open_bytes, open_imu};
+use isobath_source::{Deadline, DepthPixels, ImuOutcome, ImuSource as _, Outcome, OwnedFrame, Recording};
 use proptest::prelude::*;
 
 fn next(r: &mut dyn Recording) -> OwnedFrame {
@@ -129,6 +130,65 @@ fn what_cannot_be_read_is_said() {
     assert!(error.contains("rosbag decompress"), "{error}");
     let error = open_bytes(b"#ROSBAG V2.0\n".to_vec(), "t.bag", &OpenOptions::default()).err().unwrap().to_string();
     assert!(error.contains("no depth images"), "{error}");
+}
+
+fn imu(sec: u32, rate: [f64; 3], force: [f64; 3]) -> Vec<u8> {
+    let numbers = |v: &[f64]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    [
+        header(sec, 0, "imu"),
+        numbers(&[0.0; 13]),
+        numbers(&rate),
+        numbers(&[0.0; 9]),
+        numbers(&force),
+        numbers(&[0.0; 9]),
+    ]
+    .concat()
+}
+
+#[test]
+fn two_halves_of_an_inertial_sensor_are_joined() {
+    const GYRO: &str = "/device_0/sensor_2/Gyro_0/imu/data";
+    const ACCEL: &str = "/device_0/sensor_2/Accel_0/imu/data";
+    let kind = "sensor_msgs/Imu";
+    let mut messages: Vec<Message<'_>> =
+        (0..6).map(|i| (GYRO, kind, i, imu(i, [f64::from(i), 0.0, 0.0], [0.0; 3]))).collect();
+    messages.extend([0, 4].map(|i| (ACCEL, kind, i, imu(i, [0.0; 3], [0.0, f64::from(i), 9.5]))));
+    let file = tempfile::NamedTempFile::with_suffix(".bag").unwrap();
+    std::fs::write(file.path(), bag(&messages, true, true)).unwrap();
+    let mut readings = open_imu(file.path()).unwrap().expect("readings");
+    assert_eq!((readings.len(), readings.info().rate_hz, readings.has_field()), (6, 1.0, false));
+    assert!(readings.info().notes[0].contains("Accel_0"), "{:?}", readings.info().notes);
+    let empty = ImuSample { time: Timestamp::ZERO, rate: Vec3::ZERO, force: Vec3::ZERO, field: None };
+    let mut out = [empty; 8];
+    assert_eq!(readings.read(&mut out, Deadline::NEVER).unwrap(), ImuOutcome::Samples(6));
+    // The gyroscope leads; each reading takes the nearest acceleration, the earlier of two as near.
+    let forces: Vec<f32> = out[..6].iter().map(|s| s.force.y).collect();
+    assert_eq!(forces, [0.0, 0.0, 0.0, 4.0, 4.0, 4.0]);
+    assert_eq!((out[5].rate.x, out[5].force.z, out[5].time), (5.0, 9.5, Timestamp::from_nanos(5_000_000_000)));
+    // What has none says so, and is no error.
+    std::fs::write(file.path(), bag(&realsense_like(), true, true)).unwrap();
+    assert!(open_imu(file.path()).unwrap().is_none());
+}
+
+#[test]
+fn compressed_depth_is_read() {
+    let mut png = Vec::new();
+    let mut encoder = png::Encoder::new(&mut png, 2, 1);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    encoder.write_header().unwrap().write_image_data(&[0x03, 0xe8, 0, 0]).unwrap();
+    for (format, z) in [("16UC1; compressedDepth png", 1.0_f32), ("32FC1; compressedDepth", 2.0)] {
+        // Of metres: z = a / (step - b).
+        let data = [packed!(0_i32, 1998.0_f32, 1.0_f32), png.clone()].concat();
+        let image = [header(5, 0, "optical"), prefixed(format.as_bytes()), prefixed(&data)].concat();
+        let messages = vec![
+            ("/camera/depth/image/compressedDepth", "sensor_msgs/CompressedImage", 5, image),
+            ("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 5, camera(2, 1)),
+        ];
+        let mut r = open_bytes(bag(&messages, false, true), "t.bag", &OpenOptions::default()).unwrap();
+        let f = next(r.as_mut());
+        assert!((f.z(0, 0) - z).abs() < 1e-6 && f.z(1, 0) == 0.0 && f.size() == (2, 1), "{format}: {}", f.z(0, 0));
+    }
 }
 
 proptest! {

@@ -185,6 +185,23 @@ fn inertial_readings_come_back_to_the_bit_and_pauses_are_kept_out() {
 }
 
 #[test]
+fn a_writer_is_a_sink_of_frames_on_their_way() {
+    let wrote = [frame(1, (4, 3), 0.001), frame(2, (4, 3), 0.001)];
+    let source = opened(written(&wrote));
+    let mut file = Vec::new();
+    let sink = McapWriter::new(&mut file, "memory", McapOptions::default()).unwrap();
+    let mut through = isobath_source::Recorded::new(source, sink);
+    let mut f = OwnedFrame::new();
+    while isobath_source::DepthSource::next_into(&mut through, &mut f, Deadline::NEVER).unwrap() == Outcome::Frame {}
+    assert_eq!(through.sink().recorded().frames, 2);
+    drop(through);
+    let mut again = opened(file);
+    for f in &wrote {
+        assert_same(&next(again.as_mut()), f);
+    }
+}
+
+#[test]
 fn a_file_cut_off_anywhere_opens_up_to_there() {
     let frames: Vec<_> = (0..6).map(|i| frame(i, (320, 240), 0.0002)).collect();
     let mut file = Vec::new();

@@ -291,7 +291,10 @@ impl<S: UsbSys> Bulk<S> {
         self.messages.reset();
         (self.device_clock, self.shift) = (device_clock(), None);
         // What came before it went has times of another life.
-        self.frame_header = None;
+        if self.frame_header.take().is_some() {
+            self.stats.dropped_by_policy += 1;
+        }
+        self.imu_lost += self.readings.len() as u64;
         self.readings.clear();
         self.stats.recoveries += 1;
         self.note(GapCause::Replugged);

@@ -43,10 +43,10 @@ const DRAIN: Duration = Duration::from_secs(3);
 /// One transfer of the pool.
 struct Slot {
     transfer: NonNull<ffi::libusb_transfer>,
-    /// What the transfer's `user_data` points to. In a box of its own, so that it stays where it is.
-    state: Box<AtomicU8>,
-    /// What the transfer's `buffer` points to. Never resized; while FLYING nobody here makes a reference to its bytes.
-    buffer: Box<[u8]>,
+    /// What the transfer's `user_data` points to. Behind an `Arc`, which stays where it is and, other than a `Box`, claims no sole access when it moves.
+    state: Arc<AtomicU8>,
+    /// What the transfer's `buffer` points to: a `Vec` for the same reason. Never resized; while FLYING nobody here makes a reference to its bytes.
+    buffer: Vec<u8>,
 }
 
 /// Transfers of one endpoint, going round.
@@ -87,17 +87,17 @@ fn error(code: c_int) -> UsbError {
 impl IsoStream {
     /// Makes the pool and submits all of it.
     pub(crate) fn new(handle: Arc<DeviceHandle<Context>>, layout: IsoLayout) -> Result<Self, UsbError> {
-        let packets = c_int::try_from(layout.packets).ok().filter(|n| *n > 0).ok_or(UsbError::Other(0))?;
+        let packets = c_int::try_from(layout.packets).ok().filter(|n| *n > 0 && layout.packet > 0);
+        let packets = packets.ok_or(UsbError::Other(22))?;
         let bytes = layout.packets.checked_mul(layout.packet).ok_or(UsbError::Overflow)?;
         let length = c_int::try_from(bytes).map_err(|_| UsbError::Overflow)?;
         let mut stream = Self { handle, slots: Vec::with_capacity(layout.transfers), next: 0, layout };
         for _ in 0..layout.transfers {
             // SAFETY: a plain allocation with room for so many packet descriptors; null is refused.
             let transfer = NonNull::new(unsafe { ffi::libusb_alloc_transfer(packets) }).ok_or(UsbError::Other(-11))?;
-            let mut slot =
-                Slot { transfer, state: Box::new(AtomicU8::new(IDLE)), buffer: vec![0; bytes].into_boxed_slice() };
-            let user_data = (&raw const *slot.state).cast_mut().cast();
-            // SAFETY: the transfer is ours and not submitted; the pointers given are to boxes that live as long as the pool (rules 1 to 3).
+            let mut slot = Slot { transfer, state: Arc::new(AtomicU8::new(IDLE)), buffer: vec![0; bytes] };
+            let user_data = Arc::as_ptr(&slot.state).cast_mut().cast();
+            // SAFETY: the transfer is ours and not submitted; the pointers given are to memory that lives as long as the pool (rules 1 to 3).
             // `libusb_set_iso_packet_lengths` writes the descriptors that were allocated with the transfer.
             unsafe {
                 ffi::libusb_fill_iso_transfer(

@@ -1,5 +1,5 @@
-//! Nothing is allocated once a stream runs: a thousand frames and their readings over the bulk protocol. One test in its own program, so that no
-//! other test's memory is counted.
+//! Nothing is allocated once a stream runs, and nothing is lost count of: twenty thousand frames and their readings over the bulk protocol, with
+//! bits that turn over, messages that are cut, and stalls. One test in its own program, so that no other test's memory is counted.
 
 #![allow(unsafe_code, reason = "a counting global allocator can't be written without")]
 
@@ -40,10 +40,21 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// A device that writes its next message when it is asked for bytes.
+/// A device that writes its next message when it is asked for bytes, and does it wrong now and then.
 struct Endless {
     sequence: u32,
     depth: Vec<u16>,
+    random: u32,
+    frames_sent: std::sync::Arc<AtomicUsize>,
+}
+
+impl Endless {
+    fn random(&mut self) -> u32 {
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 17;
+        self.random ^= self.random << 5;
+        self.random
+    }
 }
 
 impl UsbSys for Endless {
@@ -55,7 +66,7 @@ impl UsbSys for Endless {
     }
 
     fn open(&mut self, _: Address) -> Result<Self, UsbError> {
-        Ok(Self { sequence: 0, depth: self.depth.clone() })
+        Ok(Self { sequence: 0, depth: self.depth.clone(), random: 1, frames_sent: self.frames_sent.clone() })
     }
 
     fn wait(&mut self, _: Duration) {}
@@ -75,6 +86,9 @@ impl UsbDevice for Endless {
         Err(UsbError::Stall)
     }
     fn bulk_in(&mut self, _: u8, data: &mut [u8], _: Duration) -> Result<usize, UsbError> {
+        if self.random().is_multiple_of(50) {
+            return Err(UsbError::Stall);
+        }
         let (n, time) = (self.sequence, Timestamp::from_nanos(i64::from(self.sequence) * 1_000_000));
         self.sequence += 1;
         let used = match n % 3 {
@@ -87,12 +101,22 @@ impl UsbDevice for Endless {
                 encode_hello(&hello, n, time, data)
             }
             1 => {
+                self.frames_sent.store((n / 3) as usize, Ordering::SeqCst);
                 let view = ImageView::new(&self.depth, 40, 30).unwrap();
                 encode_depth(view, DepthUnit::MILLIMETRE, 0, Encoding::Rvl, n / 3, time, data)
             }
             _ => encode_imu(&[ImuSample { time, rate: Vec3::X, force: Vec3::Y, field: None }], n / 3, data),
         };
-        Ok(used.unwrap())
+        let mut used = used.unwrap();
+        // The first ones come whole: there must be a hello.
+        if n > 3 {
+            match self.random() % 40 {
+                0 => data[self.random() as usize % used] ^= 4,
+                1 => used = 1 + self.random() as usize % used,
+                _ => {}
+            }
+        }
+        Ok(used)
     }
     fn clear_halt(&mut self, _: u8) -> Result<(), UsbError> {
         Ok(())
@@ -107,19 +131,36 @@ impl UsbDevice for Endless {
 }
 
 #[test]
-fn a_thousand_frames_without_an_allocation() {
-    let sys = Endless { sequence: 0, depth: (0..1200).map(|i| 500 + i).collect() };
+fn a_long_stream_with_faults_allocates_nothing_and_adds_up() {
+    let frames_sent = std::sync::Arc::new(AtomicUsize::new(0));
+    let depth = (0..1200).map(|i| 500 + i).collect();
+    let sys = Endless { sequence: 0, depth, random: 1, frames_sent: frames_sent.clone() };
     let mut source = Bulk::open(sys, wanted(None), Options::default()).unwrap();
     let mut frame = OwnedFrame::new();
     let mut readings = [ImuSample { time: Timestamp::ZERO, rate: Vec3::ZERO, force: Vec3::ZERO, field: None }; 8];
-    let (mut frames, mut before) = (0, 0);
-    while frames < 1100 {
+    let (mut frames, mut before, mut first, mut gaps) = (0_u64, 0, None, 0);
+    let mut last = 0;
+    while frames < 20_000 {
         if frames == 100 {
             before = ALLOCATIONS.load(Ordering::SeqCst);
         }
-        // The device's clock and the host's do not fit: jumps come too.
-        frames += usize::from(source.next_into(&mut frame, Deadline::NEVER).unwrap() == Outcome::Frame);
+        match source.next_into(&mut frame, Deadline::NEVER).unwrap() {
+            Outcome::Frame => {
+                frames += 1;
+                first.get_or_insert(frame.sequence);
+                last = frame.sequence;
+            }
+            // Stalls; and the device's clock and the host's do not fit, so there are jumps too.
+            Outcome::Recovered(_) => gaps += 1,
+            other => panic!("{other:?}"),
+        }
         let _ = source.read(&mut readings, Deadline::NEVER).unwrap();
     }
     assert_eq!(ALLOCATIONS.load(Ordering::SeqCst) - before, 0);
+    let stats = source.stats();
+    assert!(gaps > 0 && stats.recoveries > 1000 && stats.dropped_by_device > 500, "{stats:?}");
+    // Reading on for inertial readings may have replaced frames that waited.
+    let newest = frames_sent.load(Ordering::SeqCst) as u64;
+    let span = last - first.unwrap() + 1;
+    assert!((span..=newest + 1).contains(&stats.span()), "{stats:?}, {span} to {newest}");
 }

@@ -4,7 +4,9 @@
 //! (`Documentation/userspace-api/media/v4l/metafmt-uvc.rst`, `metafmt-d4xx.rst`). Only the number pairs them. Metadata that comes early waits, in a ring
 //! of eight; what comes late or never is missed: no image waits for it, and a camera without such a node works all the same.
 //!
-//! Formats: `D4XX` (RealSense), `UVCM` (Linux 6.17 and later, any camera with Microsoft's extension), `UVCH` (the bare header).
+//! Formats: `D4XX` (RealSense models that the kernel knows; 6.1 knows one), `UVCM` (Linux 6.17 and later, any camera with Microsoft's extension), `UVCH` (the
+//! bare header: a time stamp, but no frame counter and no exposure). Of `UVCH` the kernel hands over the standard header alone, and leaves
+//! its length byte as the camera sent it: it counts blocks that are not there.
 
 use isobath::wire::device::d4xx::metadata::FrameInfo;
 use isobath::wire::device::uvc;
@@ -13,8 +15,10 @@ use isobath_source::HostNanos;
 use crate::queue::{CaptureQueue, Failure, Taken, uninterrupted};
 use crate::sys::{Format, FourCc, Kind, V4l2Sys};
 
+/// The format of bare headers.
+pub const BARE: FourCc = FourCc(*b"UVCH");
 /// Formats in the order of how much they say.
-pub const FORMATS: [FourCc; 3] = [FourCc(*b"D4XX"), FourCc(*b"UVCM"), FourCc(*b"UVCH")];
+pub const FORMATS: [FourCc; 3] = [FourCc(*b"D4XX"), FourCc(*b"UVCM"), BARE];
 /// Metadata that may wait for its frame.
 const RING: usize = 8;
 /// Failures in a row after which the node is left alone.
@@ -120,7 +124,13 @@ impl<S: V4l2Sys> MetaStream<S> {
                 Ok(Taken::Nothing) => break,
                 Ok(Taken::Buffer(buffer)) => {
                     self.failures = 0;
-                    if let Some(record) = parse(queue.bytes(&self.sys, &buffer, 0), buffer.sequence) {
+                    let bytes = queue.bytes(&self.sys, &buffer, 0);
+                    let record = if self.format == BARE {
+                        bare(bytes).and_then(|(header, length)| parse(header.get(..length)?, buffer.sequence))
+                    } else {
+                        parse(bytes, buffer.sequence)
+                    };
+                    if let Some(record) = record {
                         self.ring[self.next] = Some(record);
                         self.next = (self.next + 1) % RING;
                     }
@@ -139,6 +149,18 @@ impl<S: V4l2Sys> MetaStream<S> {
             }
         }
     }
+}
+
+/// The first header of a buffer of bare ones, with the length that it has; `None` where it is cut off.
+fn bare(bytes: &[u8]) -> Option<([u8; 22], usize)> {
+    const PREFIX: usize = 10;
+    let flags = bytes.get(PREFIX + 1)?;
+    let length = 2 + if flags & 4 != 0 { 4 } else { 0 } + if flags & 8 != 0 { 6 } else { 0 };
+    let mut header = [0; 22];
+    let entry = bytes.get(..PREFIX + length)?;
+    header.get_mut(..entry.len())?.copy_from_slice(entry);
+    header[PREFIX] = length as u8;
+    Some((header, entry.len()))
 }
 
 /// The first payload of a buffer that can be read.

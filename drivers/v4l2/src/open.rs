@@ -202,7 +202,11 @@ fn metadata<O: V4l2Open>(
     node: &Node,
     notes: &mut Vec<String>,
 ) -> Option<MetaStream<O::Sys>> {
-    for sibling in options.roots.siblings(node).into_iter().filter(|s| s.interface == node.interface) {
+    // A UVC interface may have several streams; each one's metadata node is the next one registered.
+    let mut siblings = options.roots.siblings(node);
+    siblings.retain(|s| s.interface == node.interface);
+    siblings.sort_by_key(|s| (s.index < node.index, s.index));
+    for sibling in siblings {
         match look(opener, &sibling.path.clone(), Some(sibling.clone())) {
             Ok(opened) if opened.kind == Kind::Meta => match MetaStream::new(opened.sys) {
                 Ok(meta) => return Some(meta),
@@ -262,7 +266,7 @@ fn colour<O: V4l2Open>(
     None
 }
 
-/// Opens a depth camera through a system: [`open`](crate::open) with Linux's, tests with a scripted one.
+/// Opens a depth camera through a system: Linux's (`open`, with the feature `live`), or a scripted one of tests.
 ///
 /// # Errors
 /// [`SourceError`]: no such node, not permitted, in use, no depth format, another format granted, or a calibration that neither camera nor caller has.
@@ -320,6 +324,9 @@ pub fn open_with<O: V4l2Open>(
     }
     let device_clock = meta.as_ref().and(facts.clock_hz).and_then(|hz| DeviceClock::new(32, hz));
     notes.push(match &meta {
+        Some(meta) if device_clock.is_some() && meta.format() == crate::meta::BARE => {
+            "times are by the camera's clock (UVCH); the exposure and the camera's own count are not known: this kernel does not hand the camera's metadata over (Linux 6.17 does)".into()
+        }
         Some(meta) if device_clock.is_some() => {
             format!("times are of the exposure's middle, by the camera's clock ({})", meta.format())
         }

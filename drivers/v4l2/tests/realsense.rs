@@ -234,6 +234,23 @@ fn what_the_camera_does_not_say_falls_back_and_is_told() {
     s.kernel.check();
 }
 
+/// A kernel that does not know the camera's metadata (6.1 and most of them) gives the time stamp all the same.
+#[test]
+fn bare_headers_give_times_without_counter_and_exposure() {
+    let s = setup(1000, record(SIZE, [60.0, 60.0, 32.0, 24.0]), None, 0);
+    s.kernel.world().nodes.insert("/dev/video1".into(), NodeScript::meta(b"UVCH"));
+    let mut camera = open(&s);
+    assert!(camera.info().notes.iter().any(|n| n.contains("camera's clock (UVCH)")), "{:?}", camera.info().notes);
+    let mut frame = OwnedFrame::new();
+    for _ in 0..40 {
+        next(&s, &mut camera, &mut frame);
+        assert_eq!(camera.last_info().map(|i| (i.frame_counter, i.exposure)), Some((None, None)));
+    }
+    assert_eq!(camera.clock_estimate().map(|e| e.pairs), Some(40));
+    camera.stop().unwrap();
+    s.kernel.check();
+}
+
 #[test]
 fn metadata_that_is_late_early_or_missing_delays_no_frame() {
     let s = setup(1000, record(SIZE, [60.0, 60.0, 32.0, 24.0]), None, 0);

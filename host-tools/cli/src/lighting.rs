@@ -300,8 +300,12 @@ fn go<const COLUMNS: usize, const ROWS: usize>(args: &LightArgs, quality: Preset
     let mut registrar = args.register.then(|| Registrar::new(&preset));
     let mut last = isobath::sensing::camera::Pose::IDENTITY;
     let mut camera = Vec3::Z;
-    let frames = source.recording().len();
-    let bar = crate::commands::run::progress(frames);
+    let frames = source.len().ok_or_else(|| {
+        Failure::new("the light of a place is gathered from a recording")
+            .at(source.name())
+            .advise("record one first: isobath record SRC --out F.mcap")
+    })?;
+    let bar = crate::commands::run::progress(Some(frames));
     for index in 0..frames {
         bar.inc(1);
         if let Err(failure) = source.read(index, &mut frame) {

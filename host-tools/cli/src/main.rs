@@ -7,7 +7,9 @@
 //! | module | idea |
 //! |---|---|
 //! | `args` | what can be asked, with examples |
-//! | `source` | opening recordings; which way is up |
+//! | `source` | opening recordings and cameras; which way is up |
+//! | `live` | cameras, when this program was built for them; what the kernel says is plugged in |
+//! | `stop` | Ctrl-C: finish what was begun |
 //! | `commands` | one file a command |
 //! | `say` | stdout: text for people or one JSON object, never both |
 //! | `failure` | stderr: what, where, what to do |
@@ -24,11 +26,13 @@ mod commands;
 mod failure;
 mod files;
 mod lighting;
+mod live;
 mod picture;
 mod pipeline;
 mod report;
 mod say;
 mod source;
+mod stop;
 
 use std::process::ExitCode;
 
@@ -46,6 +50,9 @@ fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Run(args) => commands::run::run(args, &mut say),
         Command::Info(args) => commands::info::run(args, &mut say),
+        Command::Record(args) => commands::record::record(args, &mut say),
+        Command::Convert(args) => commands::record::convert(args, &mut say),
+        Command::Devices(args) => commands::devices::run(args, &mut say),
         Command::Sim(args) => commands::sim::run(args, &mut say),
         Command::Normals(args) => commands::normals::run(args, &mut say),
         Command::Points(args) => commands::points::run(args, &mut say),

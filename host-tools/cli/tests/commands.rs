@@ -79,6 +79,9 @@ fn help_teaches() {
     for command in [
         "run",
         "info",
+        "record",
+        "convert",
+        "devices",
         "sim",
         "normals",
         "points",
@@ -626,4 +629,113 @@ fn the_bench_says_how_long_and_how_wrong() {
     let refused = isobath(&["bench", "--filter", "pyramid", "--peers", "/nowhere"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(stderr(&refused).contains("cargo xtask peers"), "{}", stderr(&refused));
+}
+
+#[test]
+fn recordings_are_converted_without_losing_a_bit_and_answer_as_before() {
+    let folder = Folder::new();
+    let (desk, mcap, tum) = (folder.path("desk"), folder.path("desk.mcap"), folder.path("tum"));
+    json(&["sim", "desk", "--frames", "4", "--size", "64x48", "--environment", "0", "--out", &desk]);
+    let recorded = json(&["record", &desk, "--out", &mcap]);
+    assert_eq!((&recorded["frames"], &recorded["lossless"]), (&Value::from(4), &Value::from(true)));
+    assert!(number(&recorded["imu_samples"]) > 10.0, "the folder's imu.csv comes along: {recorded}");
+    let converted = json(&["convert", &mcap, "--out", &tum]);
+    assert_eq!((&converted["lossless"], &converted["frames"]), (&Value::from(true), &Value::from(4)));
+    let first = json(&["hit", &desk, "--pixel", "30,20", "--frame", "3"]);
+    for src in [mcap.clone(), format!("mcap:{mcap}"), tum] {
+        let info = json(&["info", &src]);
+        assert_eq!(
+            (&info["frames"], &info["has_pose"], &info["unit_m"]),
+            (&Value::from(4), &Value::from(true), &Value::from(0.0002))
+        );
+        assert_eq!(
+            (&info["imu"]["readings"], &info["up"]["from"]),
+            (&recorded["imu_samples"], &Value::from("recording"))
+        );
+        let hit = json(&["hit", &src, "--pixel", "30,20", "--frame", "3"]);
+        for field in ["z_m", "answer", "support"] {
+            assert_eq!(hit[field], first[field], "{src} {field}");
+        }
+    }
+    // Depth alone in text, 80 columns; and part of a recording.
+    let text = stdout(&isobath(&["info", &mcap]));
+    assert!(text.contains("readings at 200 Hz") && text.lines().skip(1).all(|l| l.chars().count() <= 80), "{text}");
+    let part = json(&["convert", &mcap, "--out", &folder.path("part.mcap"), "--seconds", "0.05"]);
+    assert_eq!(part["frames"], 2, "frames at 0 and 33 ms");
+    let report = folder.path("report");
+    assert_eq!(json(&["run", &mcap, "--out", &report, "--frames", "2"])["frames"], 2);
+}
+
+#[test]
+fn recordings_are_never_overwritten_and_losses_are_said() {
+    let folder = Folder::new();
+    let file = folder.path("a.mcap");
+    json(&["convert", &motorcycle(), "--out", &file]);
+    let before = fs::read(&file).expect("written");
+    let output = isobath(&["record", &motorcycle(), "--out", &file]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("never overwritten"), "{}", stderr(&output));
+    assert_eq!(fs::read(&file).expect("there"), before);
+    // Its unit is none of TUM's steps.
+    let tum = json(&["convert", &motorcycle(), "--out", &folder.path("tum")]);
+    assert_eq!(tum["lossless"], false);
+    assert!(tum["notes"].to_string().contains("rounded"), "{tum}");
+    for (args, word) in [
+        (vec!["record", "x", "--out", "x.bag"], "must end in .mcap"),
+        (vec!["convert", "x", "--out", "x.bag"], "TUM RGB-D folders"),
+        (vec!["record", "x", "--out", "x.mcap", "--seconds", "0"], "positive"),
+    ] {
+        let output = isobath(&args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(stderr(&output).contains(word), "{args:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn devices_are_listed_and_what_is_missing_is_said() {
+    let devices = json(&["devices"]);
+    assert!(devices["devices"].is_array() && devices["live"].is_boolean());
+    let text = stdout(&isobath(&["devices"]));
+    assert!(text.lines().all(|l| l.chars().count() <= 80), "{text}");
+    if devices["live"] == false {
+        assert!(text.contains("--features live"), "{text}");
+        for src in ["v4l2:/dev/video0", "usb:kinect"] {
+            let output = isobath(&["info", src]);
+            assert_eq!(output.status.code(), Some(1), "{src}");
+            assert!(stderr(&output).contains("--features live"), "{}", stderr(&output));
+        }
+        let output = isobath(&["record", "usb:kinect", "--out", "never.mcap"]);
+        assert!(output.status.code() == Some(1) && !Path::new("never.mcap").exists());
+    }
+    let output = isobath(&["info", &format!("bag:{}/depth.png", motorcycle())]);
+    assert_eq!(output.status.code(), Some(1));
+}
+
+/// Ctrl-C ends a recording with a whole file, however far it was.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_recording_is_whole() {
+    let folder = Folder::new();
+    let file = folder.path("long.mcap");
+    let source = folder.path("source");
+    json(&["sim", "desk", "--frames", "12", "--size", "320x240", "--environment", "0", "--out", &source]);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_isobath"))
+        .args(["record", &source, "--out", &file, "--json"])
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("started");
+    // It has begun when its file has something in it.
+    while fs::metadata(&file).map_or(0, |m| m.len()) < 1000 && child.try_wait().expect("waited").is_none() {
+        std::thread::yield_now();
+    }
+    let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    let output = child.wait_with_output().expect("ended");
+    assert_eq!(output.status.code(), Some(0), "an end that was asked for is no failure");
+    let said: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let info = json(&["info", &file]);
+    assert_eq!(info["frames"], said["frames"]);
+    assert!(
+        info["notes"].as_array().is_some_and(|notes| !notes.iter().any(|n| n.to_string().contains("cut off"))),
+        "{info}"
+    );
 }

@@ -7,7 +7,7 @@ use isobath::ground::units::Timestamp;
 use isobath::lighting::equirect::MapFrame;
 use isobath::lighting::far::extrapolate::FarMap;
 use isobath::lighting::far::observe::FarSampling;
-use isobath::lighting::far::{FarField, FarParams};
+use isobath::lighting::far::{FarField, FarParams, Unseen};
 use isobath::lighting::near::{NearField, NearParams};
 use isobath::lighting::{Preset, Session, cube};
 use isobath::sensing::camera::Pose;
@@ -43,7 +43,12 @@ fn sessions<D: DepthSample>(u: &mut Unstructured<'_>, next: impl Fn(&mut Unstruc
         thin: number(u)?,
         seam: u8::arbitrary(u)?,
     };
-    let far_params = FarParams { cap: number(u)?, half_life: number(u)?, threshold: number(u)? };
+    let far_params = FarParams {
+        cap: number(u)?,
+        half_life: number(u)?,
+        threshold: number(u)?,
+        unseen: if u.arbitrary()? { Unseen::Guess } else { Unseen::Ambient },
+    };
     let mut far = FarField::<40>::new(far_params, [number(u)?, number(u)?, number(u)?]);
     let mut grid = FarMap::<16, 8>::new();
     let mut memory = NearBox::new(&preset);

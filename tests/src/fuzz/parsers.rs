@@ -55,7 +55,7 @@ pub fn message(data: &[u8]) {
 }
 
 /// Whole files of messages, MCAP and bags: what opens has frames whose parts agree.
-pub fn container(data: &[u8]) {
+pub fn open_messages(data: &[u8]) {
     let Ok(mut recording) = open_bytes(data.to_vec(), "fuzz", &OpenOptions::default()) else { return };
     let mut frame = OwnedFrame::new();
     for _ in 0..recording.len().min(4) {

@@ -110,3 +110,48 @@ pub fn iio_device(name: &str) -> PathBuf {
 pub fn motion_modules() {
     modprobe(&["usbhid", "hid-generic", "hid-sensor-hub", "hid-sensor-accel-3d", "hid-sensor-gyro-3d"]);
 }
+
+/// Processor time that this process has taken.
+#[must_use]
+pub fn processor_time() -> Duration {
+    // Fields 14 and 15 of the line, in hundredths of a second; the name before them is in parentheses and may hold anything.
+    let stat = text("/proc/self/stat").unwrap_or_default();
+    let after = stat.rsplit(')').next().unwrap_or_default();
+    let ticks = after.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<u64>().ok());
+    Duration::from_millis(10 * ticks.sum::<u64>())
+}
+
+/// Whether uvcvideo hands broken frames over, with an error flag, instead of dropping them.
+///
+/// # Panics
+/// When the module is not loaded: the test has failed.
+pub fn uvc_hands_broken_frames_over(on: bool) {
+    let file = "/sys/module/uvcvideo/parameters/nodrop";
+    fs::write(file, if on { "1" } else { "0" }).expect("uvcvideo is loaded");
+}
+
+/// Whether uvcvideo hands over all the metadata of a D435i, or (as its table of devices says before Linux 6.8) only the times of every
+/// payload's header. The line is one that a user may write, too: the camera is treated as the one that the table has.
+///
+/// # Panics
+/// When the module is not loaded: the test has failed.
+pub fn uvc_knows_the_d435(on: bool) {
+    let (file, line) = if on { ("new_id", "8086 0b3a 0e 8086 0b03") } else { ("remove_id", "8086 0b3a") };
+    fs::write(Path::new("/sys/bus/usb/drivers/uvcvideo").join(file), line).expect("uvcvideo is loaded");
+}
+
+/// Unloads a module, once nobody uses it any more.
+///
+/// # Panics
+/// When it stays in use: the test has failed.
+pub fn unload(module: &str) {
+    wait_for("a module to be unused", || {
+        Command::new("rmmod").arg(module).status().is_ok_and(|s| s.success()).then_some(())
+    });
+}
+
+/// Files that this process has open.
+#[must_use]
+pub fn open_files() -> usize {
+    fs::read_dir("/proc/self/fd").map_or(0, Iterator::count)
+}

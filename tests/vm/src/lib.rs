@@ -15,10 +15,14 @@
 //! | [`hid`] | an accelerometer and a gyroscope as a HID sensor hub |
 //! | [`pattern`] | what cameras see: every pixel of every frame known |
 //! | [`profiles`] | the devices |
+//! | `gadget` | a device on the kernel's own device side (feature `guest`) |
 //! | `guest` | modules, nodes, programs (feature `guest`) |
+//! | `watch` | what a source gives: frames by their numbers, gaps, errors (feature `guest`) |
 //!
 //! This library and its own tests need no guest. `cargo xtask vm` runs the rest; README.md says how.
 
+#[cfg(feature = "guest")]
+pub mod gadget;
 #[cfg(feature = "guest")]
 pub mod guest;
 pub mod hid;
@@ -26,3 +30,5 @@ pub mod pattern;
 pub mod profiles;
 pub mod usb;
 pub mod uvc;
+#[cfg(feature = "guest")]
+pub mod watch;

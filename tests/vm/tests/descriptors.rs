@@ -9,6 +9,7 @@ use isobath_vm::profiles::d435::D435;
 use isobath_vm::profiles::generic::Generic;
 use isobath_vm::profiles::headset::Headset;
 use isobath_vm::profiles::kinect::Kinect;
+use isobath_vm::profiles::orbbec::gemini_336;
 use isobath_vm::usb::{Descriptors, Device, Plugged, Speed};
 use isobath_vm::uvc::Transport;
 
@@ -70,9 +71,10 @@ fn every_profile_describes_itself_well() {
             well_formed(&Generic::new("g", speed, transport, &[(640, 480), (32, 24)]).descriptors());
         }
         well_formed(&D435::new("d", speed).descriptors());
+        well_formed(&gemini_336("o", speed).0.descriptors());
     }
     for speed in [Speed::High, Speed::Super] {
-        well_formed(&Headset::new("h", (1, 2), speed).descriptors());
+        well_formed(&Headset::new("h", (1, 2), [0xff, 1, 2], speed).descriptors());
     }
     well_formed(&Kinect::new("k").descriptors());
 }

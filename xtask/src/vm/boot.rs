@@ -89,7 +89,7 @@ impl Job {
         }
         let (code, last) = qemu
             .args(["-k", "5", if self.interactive { "0" } else { PATIENCE }, "qemu-system-x86_64"])
-            .args(["-accel", "tcg,thread=single", "-icount", "shift=1,sleep=off"])
+            .args(["-accel", "tcg,thread=single", "-icount", "shift=0,sleep=off"])
             .args(["-M", "q35,hpet=off", "-cpu", "qemu64", "-smp", "1", "-m", MEMORY])
             .args(["-nodefaults", "-no-user-config", "-no-reboot", "-display", "none", "-serial", "stdio"])
             .args(["-device", "isa-debug-exit,iobase=0xf4,iosize=0x04"])

@@ -2,14 +2,15 @@
 //!
 //! What the camera sees away from the object needs no geometry: a frame of 32 x 24 colours, turned by the camera's rotation, is put onto the
 //! nearest of `N` anchors ([`Lattice`]). An anchor holds the running mean of its samples, whose weight is capped and fades with age, so that a change in the scene
-//! wins; until it is seen it holds the ambient light. Two things are better than printed: a sample whose depth is known is put where it
-//! is seen from the map's place, not where the camera sees it (parallax), and directions that were seen count 64 times those that only have ambient
-//! light when anchors are blended, so that guesses don't bleed into what is known.
+//! wins; until it is seen it holds a guess from what was seen around it. Two things are better than printed: a sample whose depth is known is put where it
+//! is seen from the map's place, not where the camera sees it (parallax), and directions that were seen count 64 times those that were
+//! not when anchors are blended, so that guesses don't bleed into what is known.
 //!
 //! | file | idea |
 //! |---|---|
 //! | here | the anchors' state, and one sample |
 //! | [`observe`] | a frame's samples |
+//! | [`unseen`] | what stands where nobody looked |
 //! | [`extrapolate`] | colours between anchors: exact sums, and a map that follows changes |
 //! | [`harmonics`] | the same light as nine coefficients, a main direction, an ambient |
 //!
@@ -18,6 +19,9 @@
 pub mod extrapolate;
 pub mod harmonics;
 pub mod observe;
+pub mod unseen;
+
+pub use unseen::Unseen;
 
 use super::lattice::Lattice;
 use crate::ground::math;
@@ -32,11 +36,18 @@ pub struct FarParams {
     pub half_life: f32,
     /// An anchor is *changed* when its colour moved by this part of itself since a map last took it. 0 or more. Default 1/256.
     pub threshold: f32,
+    /// What stands where nobody looked. Default [`Unseen::Guess`].
+    pub unseen: Unseen,
+}
+
+impl FarParams {
+    /// As [`Self::default`].
+    pub const DEFAULT: Self = Self { cap: 32.0, half_life: 10.0, threshold: 1.0 / 256.0, unseen: Unseen::Guess };
 }
 
 impl Default for FarParams {
     fn default() -> Self {
-        Self { cap: 32.0, half_life: 10.0, threshold: 1.0 / 256.0 }
+        Self::DEFAULT
     }
 }
 
@@ -47,6 +58,7 @@ impl FarParams {
             cap: math::clamp(self.cap, 1.0, 1e6),
             half_life: if self.half_life > 0.001 { self.half_life } else { 0.001 },
             threshold: if self.threshold > 0.0 { self.threshold } else { 0.0 },
+            unseen: self.unseen,
         }
     }
 }
@@ -87,6 +99,8 @@ pub struct FarField<const N: usize = 1280> {
     last: [u32; N],
     /// How far the colour moved since a map took it, as a part of itself.
     moved: [f32; N],
+    /// What was seen has changed since guesses were made.
+    stale: bool,
 }
 
 /// Added to a colour's size before changes are compared with it: changes of what is all but black aren't seen.
@@ -109,19 +123,21 @@ impl<const N: usize> FarField<N> {
             weight: [0.0; N],
             last: [0; N],
             moved: [f32::INFINITY; N],
+            stale: false,
         }
     }
 
     /// Zero from end to end, for a `static` that is to lie in `.bss`: [`Self::new`] there would keep 30 KiB of flash for its first values. It remembers
     /// nothing until [`Self::restart`].
     pub const ZERO: Self = Self {
-        params: FarParams { cap: 0.0, half_life: 0.0, threshold: 0.0 },
+        params: FarParams { cap: 0.0, half_life: 0.0, threshold: 0.0, unseen: Unseen::Ambient },
         ambient: [0.0; 3],
         epoch: None,
         colour: [[0.0; 3]; N],
         weight: [0.0; N],
         last: [0; N],
         moved: [0.0; N],
+        stale: false,
     };
 
     /// Forgets everything: from here on as [`Self::new`], in place.
@@ -144,11 +160,16 @@ impl<const N: usize> FarField<N> {
         self.weight.fill(0.0);
         self.last.fill(0);
         self.moved.fill(f32::INFINITY);
+        self.stale = false;
     }
 
-    /// A new reading of the ambient light: anchors never seen take it.
+    /// A new reading of the ambient light: anchors never seen take it, or guesses heed it.
     pub fn set_ambient(&mut self, ambient: [f32; 3]) {
         self.ambient = ambient.map(light);
+        if self.params.unseen == Unseen::Guess && self.epoch.is_some() {
+            self.stale = true;
+            return;
+        }
         for ((colour, weight), moved) in self.colour.iter_mut().zip(&self.weight).zip(&mut self.moved) {
             if *weight == 0.0 {
                 *moved += difference(*colour, self.ambient);
@@ -157,7 +178,7 @@ impl<const N: usize> FarField<N> {
         }
     }
 
-    /// The light of directions never seen.
+    /// The reading of the ambient light.
     #[must_use]
     pub const fn ambient(&self) -> [f32; 3] {
         self.ambient
@@ -230,7 +251,9 @@ impl<const N: usize> FarField<N> {
         // Seen once is seen: it never fades to nothing.
         *weight = math::clamp(total, f32::MIN_POSITIVE, self.params.cap);
         *last = now.max(*last);
-        Some(!before && *moved > self.params.threshold)
+        let changed = *moved > self.params.threshold;
+        self.stale |= changed;
+        Some(changed && !before)
     }
 
     /// What an anchor counts when colours are blended.
@@ -306,7 +329,7 @@ mod tests {
     #[test]
     fn what_is_no_light_is_refused() {
         let mut far = FarField::<64>::new(
-            FarParams { cap: f32::NAN, half_life: f32::NAN, threshold: -1.0 },
+            FarParams { cap: f32::NAN, half_life: f32::NAN, threshold: -1.0, ..FarParams::default() },
             [f32::NAN, -1.0, 2.0],
         );
         assert_eq!(far.ambient(), [0.0, 0.0, 2.0]);
@@ -326,7 +349,10 @@ mod tests {
 
     #[test]
     fn small_changes_add_up_until_they_count() {
-        let mut far = FarField::<64>::new(FarParams { threshold: 0.1, ..FarParams::default() }, [1.0; 3]);
+        let mut far = FarField::<64>::new(
+            FarParams { threshold: 0.1, unseen: Unseen::Ambient, ..FarParams::default() },
+            [1.0; 3],
+        );
         far.take_changed(|_| {});
         far.sample(Vec3::X, [1.0; 3], 1.0, at(0.0));
         let mut changed = 0;

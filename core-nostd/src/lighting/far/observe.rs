@@ -101,7 +101,7 @@ impl<const N: usize> FarField<N> {
                 putter.put(turn * intrinsics.ray(Vec2::new(x as f32, y as f32)), pixel.linear());
             }
         }
-        putter.report
+        putter.done()
     }
 
     /// A whole frame, cut into cells. Cells without depth at their middle (all, of frames whose colour sees more than their depth, at the
@@ -132,7 +132,7 @@ impl<const N: usize> FarField<N> {
                 putter.put(seen_from(turn, origin, ray, z), mean);
             }
         }
-        Ok(putter.report)
+        Ok(putter.done())
     }
 }
 
@@ -174,6 +174,11 @@ impl<'a, const N: usize> Putter<'a, N> {
     fn new(far: &'a mut FarField<N>, time: Timestamp) -> Self {
         let now = far.now(time);
         Self { far, now, anchor: None, report: FarReport::default() }
+    }
+
+    fn done(self) -> FarReport {
+        self.far.guess_unseen();
+        self.report
     }
 
     fn put(&mut self, direction: Vec3, colour: [f32; 3]) {

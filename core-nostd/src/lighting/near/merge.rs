@@ -6,7 +6,7 @@
 
 use super::project::EMPTY;
 use super::{NOWHERE, NearField, seam};
-use crate::ground::lanes::vectorised;
+use crate::ground::lanes::{LANES, vectorised};
 use crate::lighting::preset::{MOST_LEVELS, Preset};
 
 /// A level's part of a strip.
@@ -102,14 +102,18 @@ impl NearField<'_> {
         let half = self.memory.strip.len() / 2;
         let Some((keys, views)) = self.memory.strip.split_at_mut_checked(half) else { return };
         let (keys, views) = (keys.get_mut(..points).unwrap_or_default(), views.get_mut(..points).unwrap_or_default());
-        keys.fill(EMPTY);
-        views.fill(0);
         let pixels = self.preset.level_pixels();
+        let mut first = true;
         for (slot, span) in self.spans.iter().enumerate() {
             if span.0 >= from + points || span.1 < from {
                 continue;
             }
             let layer = self.memory.layers.get(slot * pixels + from..(slot + 1) * pixels).unwrap_or_default();
+            if let (true, Some(layer)) = (core::mem::take(&mut first), layer.get(..keys.len())) {
+                keys.copy_from_slice(layer);
+                views.fill(slot as u32);
+                continue;
+            }
             vectorised(|| {
                 for ((key, view), cell) in keys.iter_mut().zip(views.iter_mut()).zip(layer) {
                     let nearer = *cell < *key;
@@ -117,6 +121,10 @@ impl NearField<'_> {
                     *view = if nearer { slot as u32 } else { *view };
                 }
             });
+        }
+        if first {
+            keys.fill(EMPTY);
+            views.fill(0);
         }
     }
 
@@ -127,14 +135,21 @@ impl NearField<'_> {
         let half = self.memory.strip.len() / 2;
         let (keys, views) = self.memory.strip.split_at_checked(half).unwrap_or_default();
         let picture = self.memory.picture.get_mut(from..).unwrap_or_default();
-        for (out, (key, view)) in picture.iter_mut().zip(keys.iter().zip(views)).take(points) {
-            *out = if *key == EMPTY {
-                [0; 4]
-            } else {
+        // Much of the sphere is empty: eight pixels at a time.
+        let (keys, views) = (keys.get(..points).unwrap_or_default(), views.get(..points).unwrap_or_default());
+        let colours = &*self.memory.colour;
+        for (out, (keys, views)) in picture.chunks_mut(LANES).zip(keys.chunks(LANES).zip(views.chunks(LANES))) {
+            if keys.iter().fold(EMPTY, |all, key| all & key) == EMPTY {
+                out.fill([0; 4]);
+                continue;
+            }
+            for (out, (key, view)) in out.iter_mut().zip(keys.iter().zip(views)) {
                 let at = *view as usize * pixels + (key & mask) as usize;
-                let [r, g, b] = self.memory.colour.get(at).copied().unwrap_or_default();
-                [r, g, b, 255]
-            };
+                *out = match colours.get(at) {
+                    Some([r, g, b]) if *key != EMPTY => [*r, *g, *b, 255],
+                    _ => [0; 4],
+                };
+            }
         }
     }
 }

@@ -60,18 +60,27 @@ fn along(row: &mut [[u8; 4]], step: u8, seam: u8) {
         return;
     }
     let turn = usize::from(seam).min(row.len());
-    let last = row.last().map_or(0, |p| p[3]);
-    let held = one_way(row.iter_mut(), last, step);
-    one_way(row.iter_mut().take(turn), held, step);
-    let first = row.first().map_or(0, |p| p[3]);
-    let held = one_way(row.iter_mut().rev(), first, step);
-    one_way(row.iter_mut().rev().take(turn), held, step);
+    let (mut held, last) = (row.last().map_or(0, |p| p[3]), row.len().saturating_sub(turn));
+    row.chunks_mut(EIGHT).for_each(|eight| held = one_way(eight, false, held, step));
+    one_way(row.get_mut(..turn).unwrap_or_default(), false, held, step);
+    let mut held = row.first().map_or(0, |p| p[3]);
+    row.rchunks_mut(EIGHT).for_each(|eight| held = one_way(eight, true, held, step));
+    one_way(row.get_mut(last..).unwrap_or_default(), true, held, step);
 }
 
+/// Pixels that are passed over at once where there is no border.
+const EIGHT: usize = 8;
+
 /// No more than one step above the pixel before, of which the first's is `held`; the last one's coverage.
-fn one_way<'a>(pixels: impl Iterator<Item = &'a mut [u8; 4]>, held: u8, step: u8) -> u8 {
-    pixels.fold(held, |held, [.., cover]| {
+#[inline(always)]
+fn one_way(pixels: &mut [[u8; 4]], backwards: bool, held: u8, step: u8) -> u8 {
+    let (all, any) = pixels.iter().fold((255, 0), |(all, any), p| (all & p[3], any | p[3]));
+    if any == 0 || held == 255 && all == 255 {
+        return if any == 0 && !pixels.is_empty() { 0 } else { held };
+    }
+    let next = |held: u8, [.., cover]: &mut [u8; 4]| {
         *cover = (*cover).min(held.saturating_add(step));
         *cover
-    })
+    };
+    if backwards { pixels.iter_mut().rev().fold(held, next) } else { pixels.iter_mut().fold(held, next) }
 }

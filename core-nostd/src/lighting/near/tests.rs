@@ -114,11 +114,29 @@ fn separate_projections(preset: &Preset, shots: &[Shot], map: &MapFrame) -> Vec<
         .collect()
 }
 
+/// Without the points that lie on an edge between pixels of a level `wide` across, where rounding decides which pixel is theirs, for each level by itself.
+fn off_edges(mut shots: Vec<Shot>, wide: &[usize], map: &MapFrame) -> Vec<Shot> {
+    for shot in &mut shots {
+        let (k, width) = (shot.intrinsics(), shot.size.0);
+        for (i, depth) in shot.depth.iter_mut().enumerate() {
+            let ray = k.ray(glam::Vec2::new((i % width) as f32, (i / width) as f32));
+            let world = shot.pose.rotation() * (ray * (f32::from(*depth) * 1e-3)) + shot.pose.translation();
+            let uv = crate::lighting::equirect::uv_of_direction(map.direction(world - map.at));
+            let on_edge = |x: f32| (x - crate::ground::math::round(x)).abs() < 1e-3;
+            if wide.iter().any(|w| on_edge(uv.x * *w as f32) || on_edge(uv.y * *w as f32 * 0.5)) {
+                *depth = 0;
+            }
+        }
+    }
+    shots
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
     fn one_projection_and_minima_are_the_papers_separate_projections(shots in shots((32, 24), 3)) {
+        let shots = off_edges(shots, &[SMALL, MEDIUM, ODD].map(|p| p.levels[0]), &HERE);
         for preset in [SMALL, MEDIUM, ODD] {
             let got = with_field(preset, NearParams::PAPER, |mut near| {
                 for (id, shot) in shots.iter().enumerate() {

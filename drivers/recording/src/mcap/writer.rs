@@ -30,7 +30,7 @@ use isobath::sensing::camera::Intrinsics;
 use isobath::sensing::camera::crop::CropMap;
 use isobath::sensing::depth::DepthUnit;
 use isobath::sensing::imu::ImuSample;
-use isobath_source::{DepthPixels, OwnedFrame, SourceError};
+use isobath_source::{Clock as _, DepthPixels, FrameSink, OwnedFrame, SourceError, SystemClock};
 use mcap::McapError;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::{NoSeek, WriteOptions, Writer};
@@ -87,7 +87,7 @@ impl Topic {
 
 /// What a recorder has done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Recorded {
+pub struct McapReport {
     /// Frames in the file.
     pub frames: u64,
     /// Inertial readings in the file.
@@ -120,7 +120,7 @@ pub struct McapWriter<W: Write = File> {
     /// Log time of the first message of the open chunk.
     chunk_began: Option<u64>,
     paused: bool,
-    done: Recorded,
+    done: McapReport,
 }
 
 impl<W: Write> std::fmt::Debug for McapWriter<W> {
@@ -142,7 +142,7 @@ impl McapWriter<File> {
                 hint: "recordings are never overwritten: give another name, or remove it".into(),
             });
         }
-        let file = File::create(path).map_err(|e| refused(path, e, Recorded::default()))?;
+        let file = File::create(path).map_err(|e| refused(path, e, McapReport::default()))?;
         Self::new(file, path, options)
     }
 }
@@ -161,7 +161,7 @@ impl<W: Write> McapWriter<W> {
             // A chunk is put together in memory and written whole: a crash never leaves half an index entry behind.
             .disable_seeking(true)
             .create(NoSeek::new(to))
-            .map_err(|e| failed(&path, e, Recorded::default()))?;
+            .map_err(|e| failed(&path, e, McapReport::default()))?;
         Ok(Self {
             writer,
             path,
@@ -171,13 +171,13 @@ impl<W: Write> McapWriter<W> {
             depth: None,
             chunk_began: None,
             paused: false,
-            done: Recorded::default(),
+            done: McapReport::default(),
         })
     }
 
     /// What is in the file.
     #[must_use]
-    pub const fn recorded(&self) -> Recorded {
+    pub const fn recorded(&self) -> McapReport {
         self.done
     }
 
@@ -338,7 +338,7 @@ impl<W: Write> McapWriter<W> {
     ///
     /// # Errors
     /// [`SourceError::Io`].
-    pub fn finish(mut self) -> Result<Recorded, SourceError> {
+    pub fn finish(mut self) -> Result<McapReport, SourceError> {
         let done = self.done;
         self.writer.finish().map(|_| done).map_err(|e| failed(&self.path, e, done))
     }
@@ -402,6 +402,18 @@ impl<W: Write> McapWriter<W> {
     }
 }
 
+/// As a sink of [`Recorded`](isobath_source::Recorded): frames arrive now, and [`finish`](FrameSink::finish) writes out what is open; the
+/// file itself is ended by [`McapWriter::finish`], or by dropping it.
+impl<W: Write> FrameSink for McapWriter<W> {
+    fn frame(&mut self, frame: &OwnedFrame) -> Result<(), SourceError> {
+        self.frame(frame, SystemClock.now().0)
+    }
+
+    fn finish(&mut self) -> Result<(), SourceError> {
+        self.flush()
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Stamps {
     sequence: u32,
@@ -414,7 +426,7 @@ fn colour_camera(depth: &Intrinsics, colour: (usize, usize), size: (usize, usize
     CropMap::centred(colour, size)?.colour_intrinsics(depth).ok()
 }
 
-fn failed(path: &Path, error: McapError, done: Recorded) -> SourceError {
+fn failed(path: &Path, error: McapError, done: McapReport) -> SourceError {
     match error {
         McapError::Io(e) => refused(path, e, done),
         McapError::AttemptedWriteAfterFailure => refused(path, io::Error::other("an earlier write failed"), done),
@@ -426,7 +438,7 @@ fn failed(path: &Path, error: McapError, done: Recorded) -> SourceError {
     }
 }
 
-fn refused(path: &Path, error: io::Error, done: Recorded) -> SourceError {
+fn refused(path: &Path, error: io::Error, done: McapReport) -> SourceError {
     let hint = match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
             format!(

@@ -25,7 +25,9 @@ pub struct Model {
     unit_um: u16,
 }
 
-const MODELS: [(u16, &str); 10] = [
+const MODELS: [(u16, &str); 11] = [
+    // The one whose metadata Linux 6.1 knows.
+    (0x0b03, "Intel RealSense D4M"),
     (0x0ad3, "Intel RealSense D415"),
     (0x0ad4, "Intel RealSense D430"),
     (0x0b07, "Intel RealSense D435"),

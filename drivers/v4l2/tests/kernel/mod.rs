@@ -433,7 +433,10 @@ impl World {
                 continue;
             }
             if node.kind == Kind::Meta {
+                // Of bare headers the kernel copies the standard part, whatever their length byte says.
+                let bare = node.format.is_some_and(|f| f.fourcc == FourCc(*b"UVCH"));
                 for (sequence, bytes) in &metadata {
+                    let bytes = if bare { &bytes[..22] } else { &bytes[..] };
                     if let Some(index) = node.vb2.queued.pop_front() {
                         let slot = &mut node.vb2.slots[index as usize];
                         slot.state = State::Done;

@@ -128,6 +128,8 @@ const TIMES: &[Column] = &[
     column("compose", "compose", "ms", true),
     column("near_to_map", "near", "ms", true),
     column("far_to_map", "far", "ms", true),
+    column("near_to_bytes", "near, bytes", "ms", false),
+    column("far_to_bytes", "far, bytes", "ms", false),
     column("memory", "memory", "KiB", true),
 ];
 
@@ -175,7 +177,7 @@ pub fn run(options: &Options, tell: &mut dyn FnMut(&str)) -> Result<Report, Benc
     report.tables.push(Table {
         key: "times",
         title: "What components take, all views stored, one core".into(),
-        note: "Best of several rounds, the thread's own time. near, far: a frame in to the map drawn (bytes), by a session. memory: near field, anchors, grid; not the map. To be reached: near \
+        note: "Best of several rounds, the thread's own time. near, far: a frame in to the map drawn (f32; as sRGB bytes in the files), by a session. memory: near field, anchors, grid; not the map. To be reached: near \
                15 (high), 6 (medium), 2 ms (low), far 1 ms; tiny within 256 KiB. The paper, Jetson GPU: projection 14.6 ms, near 134, far 58 ms to the map."
             .into(),
         columns: TIMES,

@@ -3,13 +3,14 @@
 use isobath::glam::{Quat, Vec3};
 use isobath::ground::colour::Colour;
 use isobath::lighting::Preset;
+use isobath::lighting::far::Unseen;
 use isobath::lighting::far::observe::FarSampling;
 use isobath::lighting::near::NearParams;
 use isobath::sensing::camera::Pose;
 use isobath_sim::{LinearImage, Scene, V3, orbit_stations};
 
 use super::Plan;
-use super::reconstruct::{Recipe, Unseen, reconstruct};
+use super::reconstruct::{Recipe, reconstruct};
 use super::score::{Quality, Truth};
 use super::sights::{FAR, Sight, guided, in_parallel, panorama};
 use crate::BenchError;
@@ -158,9 +159,11 @@ impl Bench<'_> {
             ("any coarse point wins", Recipe { near: NearParams { margin: 0.0, ..NearParams::default() }, ..recipe }),
             ("hard seam", Recipe { near: NearParams { seam: 0, ..NearParams::default() }, ..recipe }),
             ("no parallax afar", Recipe { sampling: parallax, ..recipe }),
-            ("all of the paper's", Recipe { near: NearParams::PAPER, sampling: parallax, ..recipe }),
-            ("trial: unseen is mean", Recipe { unseen: Unseen::Mean, ..recipe }),
-            ("trial: as around it", Recipe { unseen: Unseen::Around, ..recipe }),
+            (
+                "all of the paper's",
+                Recipe { near: NearParams::PAPER, sampling: parallax, unseen: Unseen::Ambient, ..recipe },
+            ),
+            ("unseen is ambient", Recipe { unseen: Unseen::Ambient, ..recipe }),
         ];
         for (row, recipe) in rules {
             self.put(RULES, row, &reconstruct(&recipe, at, &[own], &far, ambient)?);

@@ -1,14 +1,12 @@
 //! From frames to a map: what ships, whole or in parts.
 
 use isobath::ground::image::ImageViewMut;
-use isobath::ground::units::Timestamp;
 use isobath::lighting::Preset;
 use isobath::lighting::compose::compose;
 use isobath::lighting::equirect::MapFrame;
 use isobath::lighting::far::extrapolate::FarMap;
 use isobath::lighting::far::observe::FarSampling;
-use isobath::lighting::far::{FarField, FarParams};
-use isobath::lighting::lattice::Lattice;
+use isobath::lighting::far::{FarField, FarParams, Unseen};
 use isobath::lighting::near::{NearField, NearMemory, NearParams};
 use isobath::lighting::preset::MOST_VIEWS;
 use isobath::lighting::registration::{Progress, Registration, RegistrationParams, scratch_len};
@@ -35,17 +33,6 @@ pub(super) struct Recipe {
     pub(super) register: bool,
 }
 
-/// What stands where nobody looked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Unseen {
-    /// The ambient reading: what ships.
-    Ambient,
-    /// The mean of the directions that were seen.
-    Mean,
-    /// From around: the directions that were seen, each weighted with the cosine of half its angle to the power of 16.
-    Around,
-}
-
 /// Makes the views' poses agree; the first stays.
 fn register(near: &mut NearField<'_>, map: &MapFrame) -> Result<(), BenchError> {
     let (width, height) = near.preset().view;
@@ -62,40 +49,11 @@ fn register(near: &mut NearField<'_>, map: &MapFrame) -> Result<(), BenchError> 
     Ok(())
 }
 
-/// Puts a guess on anchors never seen. A trial of the bench's own: afterwards they count as seen.
-fn guess(unseen: Unseen, far: &mut FarField<1280>) {
-    let direction = Lattice::<1280>::direction;
-    let (seen, never): (Vec<usize>, Vec<usize>) = (0..1280).partition(|i| far.weight(*i) > 0.0);
-    let weight = |cosine: f32| match unseen {
-        Unseen::Around => (0..3).fold(0.5 + 0.5 * cosine, |w, _| w * w),
-        Unseen::Ambient | Unseen::Mean => 1.0,
-    };
-    if unseen == Unseen::Ambient || seen.is_empty() {
-        return;
-    }
-    let guesses: Vec<[f32; 3]> = (never.iter())
-        .map(|i| {
-            let (mut sum, mut weights) = ([0.0_f32; 3], f32::MIN_POSITIVE);
-            for j in &seen {
-                let w = weight(direction(*j).dot(direction(*i)));
-                weights += w;
-                for (sum, v) in sum.iter_mut().zip(far.colour(*j)) {
-                    *sum += w * v;
-                }
-            }
-            sum.map(|s| s / weights)
-        })
-        .collect();
-    for (i, colour) in never.into_iter().zip(guesses) {
-        far.sample(direction(i), colour, 1.0, Timestamp::ZERO);
-    }
-}
-
 impl Recipe {
     /// As shipped.
     pub(super) fn new(preset: Preset) -> Self {
         let (near, sampling) = (NearParams::default(), FarSampling::default());
-        Self { preset, near, sampling, near_field: true, far_field: true, unseen: Unseen::Ambient, register: false }
+        Self { preset, near, sampling, near_field: true, far_field: true, unseen: Unseen::Guess, register: false }
     }
 }
 
@@ -162,7 +120,7 @@ fn go<const COLUMNS: usize, const ROWS: usize>(
     let map = MapFrame::at(vec3(at));
     let mut memory = NearBox::new(&preset);
     let mut near = NearField::new(preset, recipe.near, memory.lend()).map_err(BenchError::core)?;
-    let mut far = FarField::<1280>::new(FarParams::default(), ambient);
+    let mut far = FarField::<1280>::new(FarParams { unseen: recipe.unseen, ..FarParams::default() }, ambient);
     let mut grid = Box::new(FarMap::<COLUMNS, ROWS>::new());
     for (number, sight) in views.iter().chain(frames).enumerate() {
         let frame = sight.frame(number as u64)?;
@@ -176,7 +134,6 @@ fn go<const COLUMNS: usize, const ROWS: usize>(
     if recipe.register {
         register(&mut near, &map)?;
     }
-    guess(recipe.unseen, &mut far);
     near.merge();
     grid.update(&mut far);
     let (width, height) = preset.map;

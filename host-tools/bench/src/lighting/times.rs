@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 
+use isobath::ground::colour::Colour;
 use isobath::ground::image::ImageViewMut;
 use isobath::lighting::compose::compose;
 use isobath::lighting::equirect::MapFrame;
@@ -70,7 +71,7 @@ fn of<const COLUMNS: usize, const ROWS: usize>(
         return Err(BenchError::core("no frames"));
     }
 
-    let (mut storage, mut other) = (NearBox::new(&preset), NearBox::new(&preset));
+    let mut storage = NearBox::new(&preset);
     let bytes = storage.bytes() + size_of::<FarField<1280>>() + size_of::<FarMap<COLUMNS, ROWS>>();
     let mut field = NearField::new(preset, NearParams::default(), storage.lend()).map_err(BenchError::core)?;
     for (i, frame) in views.iter().take(preset.views).enumerate() {
@@ -86,17 +87,27 @@ fn of<const COLUMNS: usize, const ROWS: usize>(
     grid.update(&mut far);
     let state = RefCell::new(State { near: field, far, grid, tick: 0 });
 
-    let near = NearField::new(preset, NearParams::default(), other.lend()).map_err(BenchError::core)?;
-    let (mut far, mut grid) =
-        (FarField::<1280>::new(FarParams::default(), AMBIENT), Box::new(FarMap::<COLUMNS, ROWS>::new()));
-    let mut session = Session::new(map, near, &mut far, &mut grid);
-    let mut session_map = vec![[0_u8; 3]; preset.map_pixels()];
-    for (i, frame) in views.iter().take(preset.views).enumerate() {
-        session.observe(frame, i as u32).map_err(BenchError::core)?;
-    }
-    session.draw(&mut view(&mut session_map, preset.map)?);
-    let session = RefCell::new((session, session_map, 0_usize));
-    let mut whole = vec![[0_u8; 3]; preset.map_pixels()];
+    // A session that draws light as it is, and one that draws a camera's bytes.
+    let (mut hdr, mut bytes_map) = (vec![[0.0_f32; 3]; preset.map_pixels()], vec![[0_u8; 3]; preset.map_pixels()]);
+    let (mut hdr_box, mut bytes_box) = (NearBox::new(&preset), NearBox::new(&preset));
+    let mut fields = [(); 2].map(|()| FarField::<1280>::new(FarParams::default(), AMBIENT));
+    let mut grids = [(); 2].map(|()| Box::new(FarMap::<COLUMNS, ROWS>::new()));
+    let ([hdr_far, bytes_far], [hdr_grid, bytes_grid]) = (&mut fields, &mut grids);
+    let session = |memory, far, grid| -> Result<_, BenchError> {
+        let near = NearField::new(preset, NearParams::default(), memory).map_err(BenchError::core)?;
+        let mut session = Session::new(map, near, far, grid);
+        for (i, frame) in views.iter().take(preset.views).enumerate() {
+            session.observe(frame, i as u32).map_err(BenchError::core)?;
+        }
+        Ok(session)
+    };
+    let mut hdr_session = session(hdr_box.lend(), hdr_far, &mut **hdr_grid)?;
+    hdr_session.draw(&mut view(&mut hdr, preset.map)?);
+    let mut bytes_session = session(bytes_box.lend(), bytes_far, &mut **bytes_grid)?;
+    bytes_session.draw(&mut view(&mut bytes_map, preset.map)?);
+    let (hdr, in_bytes) =
+        (RefCell::new((hdr_session, hdr, 0_usize)), RefCell::new((bytes_session, bytes_map, 0_usize)));
+    let mut whole = vec![[0.0_f32; 3]; preset.map_pixels()];
 
     let cycle = |list: &'_ [DepthFrame<'_>], tick: usize| tick % list.len().max(1);
     let score = || Score::of([0.0]);
@@ -148,34 +159,10 @@ fn of<const COLUMNS: usize, const ROWS: usize>(
             },
             score,
         ),
-        Method::new(
-            "near to map",
-            1,
-            || {
-                let (session, map, tick) = &mut *session.borrow_mut();
-                *tick += 1;
-                let i = cycle(&views[..preset.views], *tick);
-                let _ = session.observe(&views[i], i as u32);
-                if let Ok(mut out) = view(map, preset.map) {
-                    session.draw(&mut out);
-                }
-            },
-            score,
-        ),
-        Method::new(
-            "far to map",
-            1,
-            || {
-                let (session, map, tick) = &mut *session.borrow_mut();
-                *tick += 1;
-                let i = cycle(&away, *tick);
-                let _ = session.observe(&away[i], 1000 + i as u32);
-                if let Ok(mut out) = view(map, preset.map) {
-                    session.draw(&mut out);
-                }
-            },
-            score,
-        ),
+        Method::new("near to map", 1, || to_map(&hdr, &views[..preset.views], 0, preset.map), score),
+        Method::new("far to map", 1, || to_map(&hdr, &away, 1000, preset.map), score),
+        Method::new("near to bytes", 1, || to_map(&in_bytes, &views[..preset.views], 0, preset.map), score),
+        Method::new("far to bytes", 1, || to_map(&in_bytes, &away, 1000, preset.map), score),
     ];
     let times = alternating(&mut methods, effort);
     let mut ms: Vec<f64> = times.iter().map(|t| t.best / 1e6).collect();
@@ -187,6 +174,22 @@ fn of<const COLUMNS: usize, const ROWS: usize>(
     Ok(Line::new(name, ms))
 }
 
-fn view(pixels: &mut [[u8; 3]], (w, h): (usize, usize)) -> Result<ImageViewMut<'_, [u8; 3]>, BenchError> {
+/// The next frame into the session, and its map drawn.
+fn to_map<C: Colour, const COLUMNS: usize, const ROWS: usize>(
+    session: &RefCell<(Session<'_, 1280, COLUMNS, ROWS>, Vec<C>, usize)>,
+    frames: &[DepthFrame<'_>],
+    ids: u32,
+    size: (usize, usize),
+) {
+    let (session, map, tick) = &mut *session.borrow_mut();
+    *tick += 1;
+    let i = *tick % frames.len().max(1);
+    let _ = session.observe(&frames[i], ids + i as u32);
+    if let Ok(mut out) = view(map, size) {
+        session.draw(&mut out);
+    }
+}
+
+fn view<C: Copy>(pixels: &mut [C], (w, h): (usize, usize)) -> Result<ImageViewMut<'_, C>, BenchError> {
     ImageViewMut::new(pixels, w, h).map_err(BenchError::core)
 }

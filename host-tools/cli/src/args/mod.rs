@@ -3,6 +3,7 @@
 //! | file | idea |
 //! |---|---|
 //! | `source` | what is read, and what the files don't say themselves |
+//! | `record` | recordings made and converted; what is plugged in |
 //! | `whole` | whole recordings: looked at, described, simulated |
 //! | `pixels` | one frame as arrays: normals, points |
 //! | `questions` | one frame, one question: hit, ray, distance, room, way |
@@ -14,6 +15,7 @@ mod bench;
 mod light;
 mod pixels;
 mod questions;
+mod record;
 mod source;
 mod values;
 mod whole;
@@ -24,6 +26,7 @@ pub(crate) use bench::{BenchArgs, BenchLightingArgs, BenchOnly};
 pub(crate) use light::{EnvmapArgs, LightArgs, PresetName, ProbeArgs};
 pub(crate) use pixels::{Method, NormalsArgs, PointsArgs};
 pub(crate) use questions::{FindPlaceArgs, HitArgs, MeasureArgs, PathArgs, PlaceArgs, RaycastArgs};
+pub(crate) use record::{ConvertArgs, DevicesArgs, HowMuchArgs, RecordArgs};
 pub(crate) use source::{FrameArgs, SourceArgs};
 pub(crate) use whole::{InfoArgs, Quality, RunArgs, SimArgs};
 
@@ -64,6 +67,12 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// What is in a recording: frames, size, camera, poses, readings
     Info(InfoArgs),
+    /// What a camera sees, or any other source gives, into an MCAP file
+    Record(RecordArgs),
+    /// A recording in another form: an MCAP file, or a TUM RGB-D folder
+    Convert(ConvertArgs),
+    /// What is plugged in, what can be done with it, and what is missing
+    Devices(DevicesArgs),
     /// A simulated recording with its ground truth
     Sim(SimArgs),
     /// The surface normal of every pixel, as an array or a picture

@@ -10,8 +10,10 @@ use super::values::{numbers, size, vec3};
 /// What is read, and what the files don't say themselves.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct SourceArgs {
-    /// A recording's folder (TUM RGB-D, 7-Scenes, Open3D, or depth images with a camera.toml), or one depth image
-    /// (16-bit PNG or PGM, NPY, Android DEPTH16 .bin), or a simulated scene: sim:SCENE, sim:SCENE@SENSOR (see `isobath sim`)
+    /// A recording: an MCAP file or a ROS 1 bag, a folder (TUM RGB-D, 7-Scenes, Open3D, or depth images with a camera.toml), or one
+    /// depth image (16-bit PNG or PGM, NPY, Android DEPTH16 .bin); or a camera: v4l2:/dev/videoN, usb:KIND (see `isobath
+    /// devices`); or a simulated scene: sim:SCENE, sim:SCENE@SENSOR (see `isobath sim`). mcap:F and bag:F say what F is
+    #[allow(clippy::doc_markdown, reason = "help text: what is between backticks is shown with them")]
     #[arg(value_name = "SRC")]
     pub(crate) src: PathBuf,
 
@@ -61,7 +63,7 @@ pub(crate) struct FrameArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
 
-    /// Frame number, from 0
+    /// Frame number, from 0; of a camera, so many frames are passed over
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) frame: usize,
 }

@@ -12,6 +12,29 @@ pub(super) fn map_file(text: &str) -> Result<PathBuf, String> {
     }
 }
 
+pub(super) fn mcap_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|e| e == "mcap") { Ok(path) } else { Err("the name must end in .mcap".to_owned()) }
+}
+
+/// An MCAP file, or what can be a folder.
+pub(super) fn recording(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("bag" | "png" | "npy" | "zip" | "ply" | "mkv" | "db3") => {
+            Err("MCAP files (F.mcap) and TUM RGB-D folders (DIR) are written".to_owned())
+        }
+        _ => Ok(path),
+    }
+}
+
+pub(super) fn positive(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(v) if v.is_normal() && v > 0.0 => Ok(v),
+        _ => Err(format!("`{text}` is not a positive number")),
+    }
+}
+
 pub(super) fn png_file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|e| e == "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }

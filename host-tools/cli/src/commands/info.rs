@@ -2,7 +2,7 @@
 
 use isobath::sensing::depth::DepthSample;
 use isobath::sensing::frame::DepthFrame;
-use isobath_source::{OwnedFrame, with_frame};
+use isobath_source::{ImuSource as _, OwnedFrame, with_frame};
 use serde_json::json;
 
 use crate::args::InfoArgs;
@@ -36,8 +36,10 @@ pub(crate) fn run(args: &InfoArgs, say: &mut Say) -> Outcome {
     let mut source = Source::open(&args.source)?;
     let mut frame = OwnedFrame::new();
     source.read(0, &mut frame)?;
-    let info = source.recording().info();
-    let frames = source.recording().len();
+    let imu = source.imu()?;
+    let own = source.live_imu().map(|imu| imu.info().kind.clone());
+    let info = source.info();
+    let frames = source.len();
     let k = frame.intrinsics;
     let (w, h) = frame.size();
     let r = with_frame!(frame, |f| readings(f));
@@ -46,7 +48,7 @@ pub(crate) fn run(args: &InfoArgs, say: &mut Say) -> Outcome {
     let colour = frame.colour().map(|c| c.size());
 
     say.head(&format!("{}: {}", source.name(), info.kind));
-    say.fact("frames", &count(frames as u64));
+    say.fact("frames", &frames.map_or("live".into(), |n| count(n as u64)));
     say.fact("depth", &format!("{w} x {h}, {} m a step", frame.unit.metres()));
     say.fact("camera", &format!("fx {:.2}  fy {:.2}  cx {:.2}  cy {:.2} (pixels)", k.fx(), k.fy(), k.cx(), k.cy()));
     say.fact(
@@ -65,8 +67,19 @@ pub(crate) fn run(args: &InfoArgs, say: &mut Say) -> Outcome {
         format!("yes; the first camera stands at {} m", point(p.translation()))
     });
     say.fact("poses", &pose);
+    let inertial = imu.as_ref().map_or_else(
+        || own.unwrap_or_else(|| "none".to_owned()),
+        |imu| {
+            let field = if imu.has_field() { ", with magnetic field" } else { "" };
+            let rate = imu.info().rate_hz;
+            format!("{} readings at {rate:.0} Hz{field}", count(imu.len() as u64))
+        },
+    );
+    say.fact("imu", &inertial);
     say.fact("up", &up.sentence());
-    for note in info.notes.iter().chain(&frame.notes) {
+    let imu_notes = imu.iter().flat_map(|imu| &imu.info().notes);
+    let notes: Vec<&String> = info.notes.iter().chain(&frame.notes).chain(imu_notes).collect();
+    for note in &notes {
         say.fact("note", note);
     }
 
@@ -81,8 +94,11 @@ pub(crate) fn run(args: &InfoArgs, say: &mut Say) -> Outcome {
         "z_min_m": r.nearest, "z_max_m": r.farthest, "z_median_m": r.median,
         "colour_size": colour, "has_confidence": frame.confidence().is_some(),
         "has_pose": frame.pose.is_some(),
+        "imu": imu.as_ref().map(|imu| json!({
+            "readings": imu.len(), "rate_hz": imu.info().rate_hz, "has_field": imu.has_field(),
+        })),
         "up": up.json(),
-        "notes": info.notes.iter().chain(&frame.notes).collect::<Vec<_>>(),
+        "notes": notes,
     });
     extend(&mut out, rest);
     say.json(&out);

@@ -2,6 +2,7 @@
 
 pub(crate) mod bench;
 pub(crate) mod completions;
+pub(crate) mod devices;
 pub(crate) mod envmap;
 pub(crate) mod find_place;
 pub(crate) mod hit;
@@ -13,5 +14,6 @@ pub(crate) mod place;
 pub(crate) mod points;
 pub(crate) mod probe;
 pub(crate) mod raycast;
+pub(crate) mod record;
 pub(crate) mod run;
 pub(crate) mod sim;

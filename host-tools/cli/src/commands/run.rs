@@ -16,6 +16,7 @@ use crate::report::drawings::Drawings;
 use crate::report::run::{Overview, Stats};
 use crate::say::Say;
 use crate::source::{Source, Up};
+use crate::stop::Stop;
 
 /// Depth of a known number type.
 trait Typed: DepthSample {
@@ -47,11 +48,13 @@ pub(crate) fn run(args: &RunArgs, say: &mut Say) -> Outcome {
 }
 
 fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, say: &mut Say) -> Outcome {
-    let frames = args.frames.unwrap_or(usize::MAX).min(source.recording().len());
+    // A live source goes on until --frames or Ctrl-C; what is shown is then the frame after that.
+    let endless = source.len().is_none() && args.frames.is_none();
+    let frames = args.frames.unwrap_or(usize::MAX).min(source.len().unwrap_or(usize::MAX));
     if frames == 0 {
         return Err(Failure::new("there are no frames to work on").at(source.name()).advise("give --frames 1 or more"));
     }
-    let shown = args.show.unwrap_or(frames - 1);
+    let mut shown = args.show.unwrap_or(frames - 1);
     if shown >= frames {
         return Err(Failure::new(format!("frame {shown} is not among the {frames} frames worked on"))
             .at("--show")
@@ -71,7 +74,9 @@ fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, 
     let mut memory = Memory::<D>::new(width, height);
     let bytes = memory.bytes();
 
-    let bar = progress(frames);
+    let bar = progress((!endless).then_some(frames));
+    let stop = Stop::on_ctrl_c();
+    let mut done = 0;
     let mut stats = Stats::default();
     let mut drawings: Option<Drawings> = None;
     let mut frame = OwnedFrame::new();
@@ -79,10 +84,14 @@ fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, 
     let mut unread = Vec::new();
     let mut last_shown = None;
     for index in 0..frames {
+        let last = stop.asked();
+        if last && drawings.is_none() {
+            shown = index;
+        }
         let start = Instant::now();
         if let Err(failure) = source.read(index, &mut frame) {
             // One broken file among many is a note; the only frame is a failure.
-            if frames == 1 {
+            if frames == 1 || (endless && unread.len() > 20) {
                 return Err(failure);
             }
             unread.push(format!("frame {index} left out: {}", failure.to_string().replace('\n', ";")));
@@ -109,7 +118,11 @@ fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, 
                 last_shown = Some((index, found));
             }
         }
+        done = index + 1;
         bar.inc(1);
+        if last {
+            break;
+        }
     }
     bar.finish_and_clear();
     let Some((shown, found)) = last_shown else {
@@ -120,7 +133,7 @@ fn go<D: Typed>(args: &RunArgs, mut source: Source, first: &OwnedFrame, up: Up, 
     let overview = Overview {
         source: &source,
         size: (width, height),
-        frames,
+        frames: done.max(1),
         repeat,
         shown,
         found: &found,
@@ -153,23 +166,29 @@ fn view_world<D: DepthSample>(view: &DepthFrame<'_, D>, world: &World, frames: u
 }
 
 fn default_out(src: &Path) -> PathBuf {
-    if let Some(scene) = src.to_str().and_then(|src| src.strip_prefix("sim:")) {
-        return Path::new("out").join(scene.replace(|c: char| !c.is_ascii_alphanumeric(), "-"));
-    }
+    let src = match src.to_str().and_then(|src| src.split_once(':')) {
+        Some(("mcap" | "bag", file)) => Path::new(file),
+        Some(("sim" | "v4l2" | "usb", what)) => {
+            let name = what.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+            return Path::new("out").join(name.trim_start_matches('-'));
+        }
+        _ => src,
+    };
     // `.` and `..` have no name of their own.
     let whole = std::fs::canonicalize(src).unwrap_or_else(|_| src.to_owned());
     let name = whole.file_stem().map_or_else(|| "report".into(), ToOwned::to_owned);
     Path::new("out").join(name)
 }
 
-/// Drawn on stderr, and only when that is a terminal.
-pub(crate) fn progress(frames: usize) -> ProgressBar {
-    if frames < 2 {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    let bar = ProgressBar::with_draw_target(Some(frames as u64), ProgressDrawTarget::stderr()).with_style(style);
+/// Drawn on stderr, and only when that is a terminal; `None` frames: nobody knows how many.
+pub(crate) fn progress(frames: Option<usize>) -> ProgressBar {
+    let (template, len) = match frames {
+        Some(n) if n < 2 => return ProgressBar::hidden(),
+        Some(n) => ("{bar:40} {pos}/{len} frames, {eta} left", Some(n as u64)),
+        None => ("{spinner} {pos} frames, {elapsed}; Ctrl-C ends it", None),
+    };
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    let bar = ProgressBar::with_draw_target(len, ProgressDrawTarget::stderr()).with_style(style);
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
 }

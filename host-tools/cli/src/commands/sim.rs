@@ -34,7 +34,7 @@ pub(crate) fn run(args: &SimArgs, say: &mut Say) -> Outcome {
         ..SimOptions::default()
     };
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(scene.name()));
-    let bar = progress(args.frames.max(2));
+    let bar = progress(Some(args.frames.max(2)));
     let summary = write_recording(&scene, &options, &folder, |done, total| {
         bar.set_length(total as u64);
         bar.set_position(done as u64);

@@ -410,7 +410,7 @@ impl Overview<'_> {
     pub(crate) fn tell(&self, say: &mut Say) {
         let (w, h) = self.size;
         let name = self.source.name();
-        let kind = &self.source.recording().info().kind;
+        let kind = &self.source.info().kind;
         let frames = if self.frames == 1 { "1 frame".to_owned() } else { format!("{} frames", self.frames) };
         say.head(&format!("{name}: {kind}, {frames} of {w} x {h}"));
         say.fact("up", &self.up.sentence());
@@ -474,7 +474,7 @@ impl Overview<'_> {
     }
 
     fn notes(&self) -> Vec<String> {
-        let info = self.source.recording().info();
+        let info = self.source.info();
         let mut notes: Vec<String> = info.notes.iter().chain(&self.stats.notes).cloned().collect();
         let most = 5;
         notes.extend(self.unread.iter().take(most).cloned());
@@ -502,7 +502,7 @@ impl Overview<'_> {
         let state: serde_json::Map<String, Value> =
             self.bytes.iter().map(|(name, n)| (name.replace(' ', "_"), (*n).into())).collect();
         json!({
-            "command": "run", "source": self.source.name(), "kind": self.source.recording().info().kind,
+            "command": "run", "source": self.source.name(), "kind": self.source.info().kind,
             "frames": self.frames, "passes_per_frame": self.repeat, "shown_frame": self.shown,
             "width": self.size.0, "height": self.size.1, "has_poses": self.has_poses,
             "up": self.up.json(), "notes": self.notes(),
@@ -515,7 +515,7 @@ impl Overview<'_> {
     /// The page.
     pub(crate) fn page(&self, drawings: Drawings) -> Page {
         let (w, h) = self.size;
-        let info = self.source.recording().info();
+        let info = self.source.info();
         let name = Path::new(self.source.name());
         let title =
             name.file_name().map_or_else(|| self.source.name().to_owned(), |n| n.to_string_lossy().into_owned());

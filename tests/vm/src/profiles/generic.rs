@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::pattern;
 use crate::usb::descriptor::BY_ASSOCIATION;
 use crate::usb::{Configuration, Descriptors, Device, Identity, Next, Packet, Reply, Setup, Speed};
-use crate::uvc::{Camera, Format, Stream, Transport, guid};
+use crate::uvc::{Camera, Format, Stream, Transport, Unit, guid};
 
 /// The endpoint of its frames.
 pub const ENDPOINT: u8 = 0x82;
@@ -23,16 +23,6 @@ impl Generic {
     /// One with this serial number, which is how a test finds its nodes. It offers `Z16 ` first, `Y16 ` second.
     #[must_use]
     pub fn new(serial: &str, speed: Speed, transport: Transport, sizes: &[(u16, u16)]) -> Self {
-        let format = |code: &[u8; 4]| Format {
-            guid: guid(*code),
-            bits: 16,
-            sizes: sizes.to_vec(),
-            rates: vec![30, 15],
-            content: Box::new(pattern::bytes),
-        };
-        let mut camera = Camera::new(ENDPOINT, transport, vec![format(b"Z16 "), format(b"Y16 ")], Vec::new());
-        let mut configuration = Configuration::new(speed);
-        camera.describe(&mut configuration);
         let identity = Identity {
             // Numbers that no maker has.
             vendor: 0xfff0,
@@ -43,6 +33,22 @@ impl Generic {
             serial: serial.into(),
             speed,
         };
+        Self::of(identity, transport, sizes, Vec::new())
+    }
+
+    /// A maker's camera, with extension units.
+    #[must_use]
+    pub fn of(identity: Identity, transport: Transport, sizes: &[(u16, u16)], units: Vec<Box<dyn Unit>>) -> Self {
+        let format = |code: &[u8; 4]| Format {
+            guid: guid(*code),
+            bits: 16,
+            sizes: sizes.to_vec(),
+            rates: vec![30, 15],
+            content: Box::new(pattern::bytes),
+        };
+        let mut camera = Camera::new(ENDPOINT, transport, vec![format(b"Z16 "), format(b"Y16 ")], units);
+        let mut configuration = Configuration::new(identity.speed);
+        camera.describe(&mut configuration);
         Self { camera, identity, configuration: configuration.finish() }
     }
 

@@ -62,6 +62,7 @@ pub struct Headset {
     pub clock: i64,
     /// How pixels travel.
     pub encoding: Encoding,
+    class: [u8; 3],
     identity: Identity,
     frame: u64,
     readings: u64,
@@ -81,9 +82,9 @@ pub fn reading(number: u64) -> (Vec3, Vec3) {
 }
 
 impl Headset {
-    /// A headset with these numbers (of its maker) and serial number.
+    /// A headset with these numbers (of its maker), serial number, and class of its interface.
     #[must_use]
-    pub fn new(serial: &str, (vendor, product): (u16, u16), speed: Speed) -> Self {
+    pub fn new(serial: &str, (vendor, product): (u16, u16), class: [u8; 3], speed: Speed) -> Self {
         let identity = Identity {
             vendor,
             product,
@@ -97,6 +98,7 @@ impl Headset {
             faults: BTreeMap::new(),
             clock: 5_000_000_000,
             encoding: Encoding::Raw,
+            class,
             identity,
             frame: 0,
             readings: 0,
@@ -211,7 +213,7 @@ fn sent(mut out: Vec<u8>, used: Result<usize, impl std::fmt::Debug>) -> Vec<u8> 
 impl Device for Headset {
     fn descriptors(&self) -> Descriptors {
         let mut configuration = Configuration::new(self.identity.speed);
-        configuration.interface([0xff, 0, 0], 1);
+        configuration.interface(self.class, 1);
         configuration.endpoint(Endpoint { address: ENDPOINT, kind: Kind::Bulk });
         Descriptors { identity: self.identity.clone(), configuration: configuration.finish(), reports: BTreeMap::new() }
     }
@@ -260,7 +262,7 @@ mod tests {
 
     #[test]
     fn messages_come_in_order_of_time_and_faults_hit_their_frame() {
-        let mut device = Headset::new("h", (1, 2), Speed::High);
+        let mut device = Headset::new("h", (1, 2), [0xff, 0, 0], Speed::High);
         device.faults = BTreeMap::from([(1, Fault::Flipped(1000)), (2, Fault::Skipped), (3, Fault::Noise(70))]);
         let (mut bytes, mut now) = (Vec::new(), Duration::ZERO);
         while now < Duration::from_millis(200) {

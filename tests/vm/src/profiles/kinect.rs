@@ -120,6 +120,14 @@ impl Kinect {
         self.frame
     }
 
+    /// It was without power: it forgets what it was told, and its numbers go on.
+    pub fn power_on(&mut self) {
+        self.registers.clear();
+        self.answer = None;
+        self.current.clear();
+        self.index = 0;
+    }
+
     /// Whether depth is switched on.
     #[must_use]
     pub fn is_streaming(&self) -> bool {

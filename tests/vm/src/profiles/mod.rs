@@ -4,3 +4,4 @@ pub mod d435;
 pub mod generic;
 pub mod headset;
 pub mod kinect;
+pub mod orbbec;

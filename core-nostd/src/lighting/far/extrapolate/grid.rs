@@ -39,9 +39,12 @@ pub struct FarMapReport {
 /// use isobath::glam::Vec3;
 /// use isobath::ground::{image::ImageViewMut, units::Timestamp};
 /// use isobath::lighting::far::{FarField, FarParams, extrapolate::FarMap};
+/// use isobath::lighting::lattice::Lattice;
 /// let mut far = FarField::<1280>::new(FarParams::default(), [0.2; 3]);
 /// let mut map = FarMap::<64, 32>::new();
-/// far.sample(Vec3::Y, [9.0; 3], 1.0, Timestamp::ZERO);
+/// for anchor in 0..1280 {
+///     far.sample(Lattice::<1280>::direction(anchor), [0.1; 3], 1.0, Timestamp::ZERO);
+/// }
 /// assert_eq!(map.update(&mut far).anchors, 1280);
 /// far.sample(Vec3::Y, [5.0; 3], 1.0, Timestamp::ZERO);
 /// let report = map.update(&mut far);
@@ -130,7 +133,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         bits
     }
 
-    /// Takes in the anchors that changed.
+    /// Takes in the anchors that changed, guesses of what was never seen included.
     pub fn update<const N: usize>(&mut self, far: &mut FarField<N>) -> FarMapReport {
         let power = squarings(N);
         let reach = reach(power);
@@ -146,6 +149,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
                 *middle = (math::sin(lon), math::cos(lon));
             }
         }
+        far.guess_unseen();
         let mut report = FarMapReport::default();
         let all = if Self::BLOCKS == 32 { u32::MAX } else { (1 << Self::BLOCKS) - 1 };
         let rows: [Row; ROWS] = core::array::from_fn(|y| Self::row(y, reach));

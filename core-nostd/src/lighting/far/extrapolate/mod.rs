@@ -16,6 +16,7 @@ mod upsample;
 use glam::Vec3;
 
 pub use grid::{FarMap, FarMapReport};
+pub(crate) use upsample::{Eight, put};
 
 use super::FarField;
 use crate::ground::math;

@@ -117,7 +117,7 @@ fn metadata(moment: &Moment) -> Vec<u8> {
         1,
         0x3f, // all fields hold
         moment.frame as u32,
-        moment.exposed,
+        EXPOSURE / 2, // from the frame's start to its middle
         9000,
         EXPOSURE,
         moment.interval,
