@@ -20,6 +20,9 @@ use crate::sys::{Buffer, CLOCK_MONOTONIC, Errno, FLAG_ERROR, FLAGS_CLOCK, Format
 const EMPTY_LOOKS: u32 = 4;
 /// The longest pause between attempts to restart a link.
 const LONGEST: Duration = Duration::from_millis(500);
+/// After a buffer that came back empty, because a transfer failed, the next frame is waited for this long: uvcvideo does not send a failed transfer
+/// again, and when all have failed (an endpoint that halted), nothing ever comes.
+const GRACE: Duration = Duration::from_millis(500);
 /// The longest pause after useless buffers.
 const IDLE: Duration = Duration::from_millis(20);
 /// Restarts without a frame after which everything is given back and asked for anew.
@@ -79,6 +82,8 @@ pub struct Stream<S> {
     pending: Option<Buffer>,
     /// Who owns what is unknown: restart before anything else.
     broken: Option<Failure>,
+    /// When a buffer came back empty, if no whole frame came since.
+    cancelled: Option<HostNanos>,
     /// Failures since the last whole frame.
     failures: u32,
     gone: Option<Failure>,
@@ -117,6 +122,7 @@ impl<S: V4l2Sys> Stream<S> {
             current: None,
             pending: None,
             broken: None,
+            cancelled: None,
             failures: 0,
             gone: None,
         }
@@ -170,7 +176,7 @@ impl<S: V4l2Sys> Stream<S> {
         self.numbers.reset();
         self.base = self.last_number.map_or(0, |n| n + 1);
         self.forget_pending();
-        (self.current, self.broken) = (None, None);
+        (self.current, self.broken, self.cancelled) = (None, None, None);
     }
 
     /// Notes that the device is gone, if that is what a failure says.
@@ -310,9 +316,10 @@ impl<S: V4l2Sys> Stream<S> {
             match queue.take(&mut self.sys) {
                 Ok(Taken::Buffer(buffer)) => {
                     (empty, after_error) = (0, false);
-                    match self.judge(&buffer) {
+                    let worth = self.judge(&buffer);
+                    match worth {
                         Worth::Whole { lost } => {
-                            self.failures = 0;
+                            (self.failures, self.cancelled) = (0, None);
                             if let Some(old) = best.replace(buffer) {
                                 self.stats.dropped_by_policy += 1;
                                 self.give(old.index);
@@ -327,12 +334,10 @@ impl<S: V4l2Sys> Stream<S> {
                                 return Ok(self.deliver(buffer));
                             }
                         }
-                        // uvcvideo does not send a failed transfer again: when all have failed (an endpoint that halted), nothing ever comes.
-                        Worth::Cancelled => {
-                            let doing = "waiting for a frame (a transfer failed)";
-                            self.broken = Some(Failure { doing, errno: Errno::EPIPE });
-                        }
-                        Worth::Nothing => {
+                        Worth::Nothing | Worth::Cancelled => {
+                            if matches!(worth, Worth::Cancelled) {
+                                self.cancelled.get_or_insert(clock.now());
+                            }
                             self.give(buffer.index);
                             useless += 1;
                             if useless > pool && best.is_none() {
@@ -368,12 +373,17 @@ impl<S: V4l2Sys> Stream<S> {
                 pause = (pause * 2).min(IDLE);
             }
             let left = deadline.remaining(clock.now());
+            let grace = self.cancelled.map(|at| GRACE.saturating_sub(clock.now().saturating_since(at)));
+            if grace == Some(Duration::ZERO) {
+                self.broken = Some(Failure { doing: "waiting for a frame (a transfer failed)", errno: Errno::EPIPE });
+                continue;
+            }
             if left == Some(Duration::ZERO) {
                 return Ok(Event::TimedOut);
             }
             let sys = &mut self.sys;
             // Interruptions shorten the wait: what is left is computed anew for each.
-            match uninterrupted(|| sys.poll(deadline.remaining(clock.now()))) {
+            match uninterrupted(|| sys.poll([deadline.remaining(clock.now()), grace].into_iter().flatten().min())) {
                 Ok(ready) => {
                     empty += u32::from(ready.readable);
                     after_error = ready.error && !ready.readable;

@@ -130,6 +130,16 @@ pub fn uvc_hands_broken_frames_over(on: bool) {
     fs::write(file, if on { "1" } else { "0" }).expect("uvcvideo is loaded");
 }
 
+/// Whether uvcvideo hands over all the metadata of a D435i, or (as its table of devices says before Linux 6.8) only the times of every
+/// payload's header. The line is one that a user may write, too: the camera is treated as the one that the table has.
+///
+/// # Panics
+/// When the module is not loaded: the test has failed.
+pub fn uvc_knows_the_d435(on: bool) {
+    let (file, line) = if on { ("new_id", "8086 0b3a 0e 8086 0b03") } else { ("remove_id", "8086 0b3a") };
+    fs::write(Path::new("/sys/bus/usb/drivers/uvcvideo").join(file), line).expect("uvcvideo is loaded");
+}
+
 /// Unloads a module, once nobody uses it any more.
 ///
 /// # Panics

@@ -1,15 +1,15 @@
 //! A camera like Intel's D435i: what it says of itself, depth, colour, clock, motion.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use isobath::glam::Vec3;
 use isobath::ground::units::Timestamp;
 use isobath::sensing::imu::ImuSample;
 use isobath_imu::device::Quirk;
-use isobath_source::{DepthSource, ImuOutcome, ImuSource, OwnedFrame, SourceError, SystemClock};
+use isobath_source::{BackPressure, DepthSource, ImuOutcome, ImuSource, OwnedFrame, SourceError, SystemClock};
 use isobath_v4l2::OpenOptions;
-use isobath_vm::guest::{camera_modules, iio_device, motion_modules, video_nodes, wait_for};
+use isobath_vm::guest::{camera_modules, iio_device, motion_modules, uvc_knows_the_d435, video_nodes, wait_for};
 use isobath_vm::hid::Sensor;
 use isobath_vm::profiles::d435::{D435, tables};
 use isobath_vm::usb::{Plugged, Speed};
@@ -26,12 +26,13 @@ fn plug(serial: &str, prepare: impl FnOnce(&mut D435)) -> (Plugged<D435>, PathBu
     (camera, nodes[0].clone())
 }
 
-fn try_open(node: &PathBuf, size: (u16, u16)) -> Result<Box<dyn DepthSource + Send>, SourceError> {
+fn try_open(node: &Path, size: (u16, u16)) -> Result<Box<dyn DepthSource + Send>, SourceError> {
     let size = Some((size.0.into(), size.1.into()));
-    isobath_v4l2::open(node, &OpenOptions { size, ..OpenOptions::default() })
+    let options = OpenOptions { size, policy: BackPressure::Queue(6), colour: false, ..OpenOptions::default() };
+    isobath_v4l2::open(node, &options)
 }
 
-fn open(node: &PathBuf, size: (u16, u16)) -> Box<dyn DepthSource + Send> {
+fn open(node: &Path, size: (u16, u16)) -> Box<dyn DepthSource + Send> {
     try_open(node, size).unwrap_or_else(|error| panic!("{}: {error}", node.display()))
 }
 
@@ -87,7 +88,8 @@ fn without_advanced_mode_the_unit_is_the_models_and_a_note_says_so() {
 fn a_damaged_table_is_not_believed() {
     let (camera, node) = plug("d435-damage", |_| {});
     let whole = tables::coefficients();
-    let damages: [(&str, fn(&mut Vec<u8>)); 4] = [
+    type Damage = (&'static str, fn(&mut Vec<u8>));
+    let damages: [Damage; 4] = [
         ("a bit", |table| table[300] ^= 4),
         ("the checksum", |table| table[12] ^= 1),
         ("its length", |table| table[4..8].fill(0xff)),
@@ -106,11 +108,16 @@ fn a_damaged_table_is_not_believed() {
     assert!(matches!(error, Some(SourceError::MissingCalibration { .. })), "{error:?}");
 }
 
-/// A frame that the camera left out is known by its counter only: the kernel's numbers have no gap.
+/// A frame that the camera left out is known by its counter only: the kernel's numbers have no gap. The counter is in metadata that the kernel
+/// has to be told to hand over.
 #[test]
 fn frames_that_the_camera_left_out_are_counted_as_its_own() {
+    camera_modules();
+    uvc_knows_the_d435(true);
     let (camera, node) = plug("d435-counter", |_| {});
+    uvc_knows_the_d435(false);
     let mut source = open(&node, (424, 240));
+    assert!(source.info().notes.iter().any(|n| n.contains("D4XX")), "{:?}", source.info().notes);
     let mut seen = until_frames(&mut *source, 3);
     let first = camera.device().stream().next_frame() + 2;
     camera.device().stream().faults.extend([(first, Fault::Skipped), (first + 1, Fault::Skipped)]);
@@ -137,7 +144,7 @@ fn times_go_on_where_the_cameras_clock_wraps() {
             other => panic!("{other:?} after {} frames", times.len()),
         }
     }
-    assert!(source.info().notes.iter().any(|n| n.contains("camera's clock")), "{:?}", source.info().notes);
+    assert!(source.info().notes.iter().any(|n| n.contains("camera's clock (UVCH)")), "{:?}", source.info().notes);
     for pair in times.windows(2) {
         let (frames, nanos) = ((pair[1].0 - pair[0].0) as i64, pair[1].1 - pair[0].1);
         assert!(nanos > 0, "{pair:?}");
@@ -152,7 +159,8 @@ fn times_go_on_where_the_cameras_clock_wraps() {
 #[test]
 fn colour_comes_with_depth() {
     let (_camera, node) = plug("d435-colour", |_| {});
-    let mut source = open(&node, (640, 480));
+    let size = Some((640, 480));
+    let mut source = isobath_v4l2::open(&node, &OpenOptions { size, ..OpenOptions::default() }).unwrap();
     assert!(source.info().has_colour, "{:?}", source.info().notes);
     let (mut frame, mut coloured) = (OwnedFrame::new(), 0);
     for _ in 0..12 {
@@ -171,7 +179,8 @@ fn unplugged_with_depth_colour_and_motion_running() {
     let _ = iio_device("accel_3d");
     let _ = iio_device("gyro_3d");
     let mut motion = isobath_imu::open(None, &isobath_imu::Options::default()).unwrap();
-    let mut source = open(&node, (640, 480));
+    let size = Some((640, 480));
+    let mut source = isobath_v4l2::open(&node, &OpenOptions { size, ..OpenOptions::default() }).unwrap();
     let mut seen = until_frames(&mut *source, 3);
     let last = camera.device().stream().next_frame() + 1;
     camera.device().stream().faults.insert(last, Fault::Unplug(200_000));

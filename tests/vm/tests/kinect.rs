@@ -23,20 +23,19 @@ fn open(serial: &str, reconnect: bool) -> Kinect1<LibUsb> {
     wait_for("the Kinect", || live::kinect1(Some(serial), Options { reconnect }).ok())
 }
 
-/// The number of a frame whose every pixel is the millimetres of its disparity; the first pixel's is the number's.
+/// The number of a frame, not long before `near`, whose every pixel is the millimetres of its disparity.
 fn number(frame: &OwnedFrame, near: u64) -> Option<u64> {
     let DepthPixels::U16(pixels) = frame.depth() else { return None };
+    // A depth beyond 65 m does not fit, and is none.
+    let table: Vec<f64> = (0..2048).map(|code| millimetres(code).filter(|mm| *mm < 65_000.0).unwrap_or(0.0)).collect();
     let (width, _) = SIZE;
     let is_right = |number: u64| {
         pixels.iter().enumerate().all(|(i, depth)| {
-            match millimetres(disparity(i % width, i / width, number)) {
-                // A depth beyond 65 m does not fit, and is none.
-                Some(mm) if mm < 65_000.0 => (f64::from(*depth) - mm).abs() <= 0.51,
-                _ => *depth == 0,
-            }
+            let code = disparity(i % width, i / width, number);
+            (f64::from(*depth) - table[usize::from(code)]).abs() <= 0.51
         })
     };
-    (near.saturating_sub(3)..near + 3).find(|number| is_right(*number))
+    (near.saturating_sub(100)..near + 3).find(|number| is_right(*number))
 }
 
 /// Reads frames; their numbers and whatever else came.
