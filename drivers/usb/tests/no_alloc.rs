@@ -3,10 +3,13 @@
 
 #![allow(unsafe_code, reason = "a counting global allocator can't be written without")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
+#[path = "../../source/tests/common/counting.rs"]
+mod counting;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use counting::ALLOCATIONS;
 use isobath::glam::Vec3;
 use isobath::ground::image::ImageView;
 use isobath::ground::units::Timestamp;
@@ -18,27 +21,6 @@ use isobath_source::{Deadline, DepthSource, ImuSource, Outcome, OwnedFrame};
 use isobath_usb::bulk::{Bulk, CLASS, wanted};
 use isobath_usb::link::Options;
 use isobath_usb::sys::{Address, DeviceInfo, Interface, IsoLayout, Request, UsbDevice, UsbError, UsbSys};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::SeqCst);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 /// A device that writes its next message when it is asked for bytes, and does it wrong now and then.
 struct Endless {
