@@ -65,10 +65,10 @@ pub fn pixel_formats(data: &[u8]) {
         let _ =
             planes::cnf4(bytes, stride, &mut ImageViewMut::new(&mut sure, width, height).expect("as long as asked"));
         assert!(sure.iter().all(|s| s % 17 == 0));
-        if let Ok(table) = k.table() {
-            if let Ok(report) = table.decode(bytes, stride, &mut view) {
-                assert_eq!(report.valid + report.holes + report.out_of_range, width * height);
-            }
+        if let Ok(table) = k.table()
+            && let Ok(report) = table.decode(bytes, stride, &mut view)
+        {
+            assert_eq!(report.valid + report.holes + report.out_of_range, width * height);
         }
         Ok(())
     })();

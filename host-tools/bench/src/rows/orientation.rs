@@ -29,21 +29,19 @@ const ERRORS: &[Measure] = &[
 
 /// A phone's sensor in a simulated hand.
 pub(crate) const SIMULATED: Row =
-    row("orientation", "Orientation from a phone's inertial sensor, simulated", |input| methods(simulated(input.seed)));
+    row("orientation", "Orientation filters, simulated phone", |input| methods(simulated(input.seed)));
 /// BROAD, trial 3.
 pub(crate) const SLOW: Row =
-    row("orientation.slow", "Orientation, BROAD trial 3: slow rotation", |_| broad(3).map(methods).unwrap_or_default());
+    row("orientation.slow", "BROAD 03, slow rotation", |_| broad(3).map(methods).unwrap_or_default());
 /// BROAD, trial 27.
 pub(crate) const VIBRATION: Row =
-    row("orientation.vibration", "Orientation, BROAD trial 27: a phone vibrates beside the sensor", |_| {
-        broad(27).map(methods).unwrap_or_default()
-    });
+    row("orientation.vibration", "BROAD 27, a phone vibrates", |_| broad(27).map(methods).unwrap_or_default());
 
 const fn row(name: &'static str, title: &'static str, methods: for<'a> fn(&'a Input) -> Vec<Method<'a>>) -> Row {
     Row {
         name,
         title,
-        unit: "reading",
+        unit: "step",
         errors: ERRORS,
         sensors: &[Sensor::Exact],
         scenes: &["wall"],
