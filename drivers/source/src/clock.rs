@@ -1,6 +1,6 @@
 //! The host's clock, and how long a caller is willing to wait.
 //!
-//! A frame's [`Timestamp`](isobath::ground::units::Timestamp) counts from an epoch that its source chose: a camera's power-on, a
+//! A frame's [`Timestamp`] counts from an epoch that its source chose: a camera's power-on, a
 //! recording's first frame. The host's time is another clock, so it is another type, and nothing converts one into the
 //! other silently: [`ClockMap`](crate::ClockMap) does, and says how well. [`Clock`] is a trait so that a test can drive a live
 //! source's timeouts without waiting.

@@ -266,7 +266,7 @@ fn colour<O: V4l2Open>(
     None
 }
 
-/// Opens a depth camera through a system: [`open`](crate::open) with Linux's, tests with a scripted one.
+/// Opens a depth camera through a system: Linux's (`open`, with the feature `live`), or a scripted one of tests.
 ///
 /// # Errors
 /// [`SourceError`]: no such node, not permitted, in use, no depth format, another format granted, or a calibration that neither camera nor caller has.

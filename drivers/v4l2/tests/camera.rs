@@ -297,15 +297,26 @@ fn a_link_that_stays_broken_is_an_error_that_waits() {
 }
 
 #[test]
-fn cancelled_buffers_are_no_frames_and_start_the_stream_anew() {
-    let kernel = script([Act::Whole, Act::Whole, Act::Cancel, Act::Whole, Act::Cancel, Act::Cancel, Act::Whole]);
+fn cancelled_buffers_are_no_frames_and_no_gap() {
+    let kernel =
+        script([Act::Whole, Act::Whole, Act::Cancel, Act::Whole, Act::Cancel, Act::Cancel, Act::Whole, Act::Whole]);
     let mut camera = open(&kernel, BackPressure::Queue(2));
-    // uvcvideo never sends a failed transfer again, so the stream is started anew.
-    let again = "recovered Link None";
     let told = story(&kernel, &mut camera);
-    assert_eq!(told, ["frame 0", "frame 1", again, "frame 2", again, again, "frame 3", "timeout"]);
+    assert_eq!(told, ["frame 0", "frame 1", "frame 2", "frame 3", "frame 4", "timeout"]);
     let stats = camera.stats();
-    assert_eq!((stats.span(), stats.recoveries, stats.cancelled), (4, 3, 3), "{stats:?}");
+    assert_eq!((stats.span(), stats.recoveries, stats.cancelled), (5, 0, 12), "{stats:?}");
+    finish(&kernel, camera);
+}
+
+#[test]
+fn a_stream_that_stands_still_after_a_failed_transfer_is_started_again() {
+    let kernel = script([Act::Whole, Act::Cancel, Act::Silence(2000), Act::Whole]);
+    let mut camera = open(&kernel, BackPressure::Queue(2));
+    let told = story(&kernel, &mut camera);
+    let again = told.iter().position(|t| t == "recovered Link None").expect("it is told");
+    assert!(told[1..again].iter().all(|t| t == "timeout") && again < 6, "half a second after it failed: {told:?}");
+    assert_eq!(told.iter().filter(|t| t.starts_with("frame")).count(), 2, "{told:?}");
+    assert_eq!((camera.stats().recoveries, camera.stats().cancelled), (1, 4));
     finish(&kernel, camera);
 }
 

@@ -111,13 +111,17 @@ fn guess(blocks: &[Block], [x, y, z]: [f32; 3], ambient: [f32; 3]) -> [f32; 3] {
 impl<const N: usize> FarField<N> {
     /// Guesses anew what was never seen, if what was seen has changed since. Frames and maps call it; who puts single samples and reads anchors may.
     pub fn guess_unseen(&mut self) {
-        if !core::mem::take(&mut self.stale) || self.params.unseen == Unseen::Ambient {
-            return;
+        if core::mem::take(&mut self.stale) && self.params.unseen == Unseen::Guess {
+            self.guess_anew();
         }
-        if self.weight.iter().all(|w| *w > 0.0) {
-            return;
+    }
+
+    /// Once in a program, however many call it: it is large.
+    #[inline(never)]
+    fn guess_anew(&mut self) {
+        if self.weight.contains(&0.0) {
+            vectorised(|| self.guess_all());
         }
-        vectorised(|| self.guess_all());
     }
 
     #[inline(always)]

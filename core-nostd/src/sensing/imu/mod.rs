@@ -7,6 +7,7 @@
 //! ImuSample -> ImuCalibration -> Vqf        -> orientation, Gravity -> `up` of ground, maps, planner; ScreenTurn
 //!                             -> RestBias   -> bias alone, where there is no room for more
 //!                             -> TimeOffset -> how late the sensor's clock is against the camera's
+//!                             -> lighting's AutoCapture::imu(s.rate, s.force, s.time): is this frame sharp, is it new?
 //! ```
 //!
 //! | module | idea |

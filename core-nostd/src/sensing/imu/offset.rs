@@ -51,7 +51,7 @@ pub struct OffsetParams {
     pub min_correlation: f32,
     /// A second peak whose coefficient is nearer to the first's than this makes it ambiguous, 0 to 1. Default 0.03.
     pub min_lead: f32,
-    /// Readings, or poses, farther apart than this say nothing of what is between, seconds, above 0. Default 0.15.
+    /// Readings, or poses, farther apart than this say nothing of what is between, seconds, 0.001 to 10. Default 0.15.
     pub max_gap: f32,
 }
 
@@ -74,7 +74,7 @@ impl OffsetParams {
         positive("min_motion", self.min_motion)?;
         in_range("min_correlation", self.min_correlation, 0.0, 1.0)?;
         in_range("min_lead", self.min_lead, 0.0, 1.0)?;
-        positive("max_gap", self.max_gap)
+        in_range("max_gap", self.max_gap, 1e-3, 10.0)
     }
 }
 

@@ -28,9 +28,10 @@ Examples:
 
 Depth in the camera's own steps, to the bit; colour, confidence, intrinsics,
 poses and inertial readings where the source has them. The file holds ROS 2
-messages: Foxglove and `ros2 bag` open it. A camera is recorded until --frames,
---seconds or Ctrl-C. If the program is killed or the computer fails, all but the
-last second can be read. Nothing is overwritten.")]
+messages: Foxglove and `ros2 bag` open it. 640x480 at 30 Hz with colour takes
+46 MB a second. A camera is recorded until --frames, --seconds or Ctrl-C. If the
+program is killed or the computer fails, all but the last second can be read.
+Nothing is overwritten.")]
 pub(crate) struct RecordArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,

@@ -43,7 +43,7 @@ pub struct FarMapReport {
 /// let mut far = FarField::<1280>::new(FarParams::default(), [0.2; 3]);
 /// let mut map = FarMap::<64, 32>::new();
 /// for anchor in 0..1280 {
-///     far.sample(Lattice::<1280>::direction(anchor), [1.0; 3], 1.0, Timestamp::ZERO);
+///     far.sample(Lattice::<1280>::direction(anchor), [0.1; 3], 1.0, Timestamp::ZERO);
 /// }
 /// assert_eq!(map.update(&mut far).anchors, 1280);
 /// far.sample(Vec3::Y, [5.0; 3], 1.0, Timestamp::ZERO);

@@ -6,7 +6,7 @@ use core::ops::Range;
 use super::grid::FarMap;
 use crate::ground::colour::Colour;
 use crate::ground::image::ImageViewMut;
-use crate::ground::lanes::{LANES, Lanes};
+use crate::ground::lanes::{LANES, Lanes, VECTORS};
 use crate::ground::math;
 
 /// A grid row blended for one map row.
@@ -100,8 +100,10 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         needed: impl FnMut(Eight) -> bool,
         tell: impl FnMut(Eight, [Lanes; 3]),
     ) {
-        // Where each column of the grid is 8, 4 or 2 pixels, weights are the same in all eights.
+        // Where each column of the grid is 8, 4 or 2 pixels, weights are the same in all eights; which is code for nothing where eight numbers are not computed at
+        // once.
         match (width / COLUMNS.max(1), width % COLUMNS.max(1)) {
+            _ if !VECTORS => Self::each(columns, row, needed, tell, width),
             (8, 0) => Self::each(columns, row, needed, tell, Steady::<8>::new()),
             (4, 0) => Self::each(columns, row, needed, tell, Steady::<4>::new()),
             (2, 0) => Self::each(columns, row, needed, tell, Steady::<2>::new()),

@@ -43,7 +43,7 @@ pub struct MagneticParams {
     pub longest_rejection: f32,
     /// Beyond that time they count this many times less; and the time is made up for this many times faster. 1 or more. Default 2.
     pub rejection_factor: f32,
-    /// Longest silence of the magnetometer after which it goes on, seconds, above 0. Default 1.
+    /// Longest silence of the magnetometer after which it goes on, seconds, 1e-6 to 3600. Default 1.
     pub max_gap: f32,
 }
 
@@ -72,7 +72,6 @@ impl MagneticParams {
             ("reference_time", self.reference_time),
             ("max_norm", self.max_norm),
             ("max_dip", self.max_dip),
-            ("max_gap", self.max_gap),
         ];
         for (name, value) in seconds {
             positive(name, value)?;
@@ -87,6 +86,7 @@ impl MagneticParams {
         for (name, value) in from_zero {
             in_range(name, value, 0.0, f32::MAX)?;
         }
+        in_range("max_gap", self.max_gap, 1e-6, 3600.0)?;
         in_range("rejection_factor", self.rejection_factor, 1.0, f32::MAX)
     }
 }

@@ -239,7 +239,7 @@ fn impossible_parameters_are_refused() {
         (VqfParams { bias_motion: 0.0, ..d }, "bias_motion"),
         (VqfParams { bias_vertical: 2.0, ..d }, "bias_vertical"),
         (VqfParams { bias_rest: f32::INFINITY, ..d }, "bias_rest"),
-        (VqfParams { max_gap: f32::INFINITY, ..d }, "max_gap"),
+        (VqfParams { max_gap: 11.0, ..d }, "max_gap"),
         (VqfParams { force_error: -0.1, ..d }, "force_error"),
         (VqfParams { rest: RestParams { smoothing: 0.0, ..RestParams::DEFAULT }, ..d }, "smoothing"),
         (
