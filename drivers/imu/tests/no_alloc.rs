@@ -1,43 +1,22 @@
-//! Nothing is allocated once a sensor runs. One test in its own program, so that no other test's memory is counted.
+//! Nothing is allocated once a sensor runs. A program of its own, without a harness: its allocator counts the whole process.
 
-#![cfg(unix)]
 #![allow(unsafe_code, reason = "a counting global allocator can't be written without")]
 
 mod common;
+#[path = "../../source/tests/common/counting.rs"]
+mod counting;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 use common::{ACCEL, GYRO, TIMESTAMP, Tree, now, send};
+use counting::ALLOCATIONS;
 use isobath::glam::Vec3;
 use isobath::ground::units::Timestamp;
 use isobath::sensing::imu::ImuSample;
 use isobath_imu::open;
 use isobath_source::{Deadline, ImuOutcome, ImuSource};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::SeqCst);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
-
-#[test]
-fn a_thousand_readings_without_an_allocation() {
+fn main() {
     let tree = Tree::new();
     let kinds: Vec<(&str, &str)> = GYRO.iter().chain(&ACCEL).map(|n| (*n, "le:s16/16>>0")).chain([TIMESTAMP]).collect();
     let mut pipe = tree.sensor(0, "x", None, &kinds, &[]);

@@ -1,12 +1,15 @@
 //! Nothing is allocated once a stream runs, and nothing is lost count of: twenty thousand frames and their readings over the bulk protocol, with
-//! bits that turn over, messages that are cut, and stalls. One test in its own program, so that no other test's memory is counted.
+//! bits that turn over, messages that are cut, and stalls. A program of its own, without a harness: its allocator counts the whole process.
 
 #![allow(unsafe_code, reason = "a counting global allocator can't be written without")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
+#[path = "../../source/tests/common/counting.rs"]
+mod counting;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use counting::ALLOCATIONS;
 use isobath::glam::Vec3;
 use isobath::ground::image::ImageView;
 use isobath::ground::units::Timestamp;
@@ -18,27 +21,6 @@ use isobath_source::{Deadline, DepthSource, ImuSource, Outcome, OwnedFrame};
 use isobath_usb::bulk::{Bulk, CLASS, wanted};
 use isobath_usb::link::Options;
 use isobath_usb::sys::{Address, DeviceInfo, Interface, IsoLayout, Request, UsbDevice, UsbError, UsbSys};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::SeqCst);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 /// A device that writes its next message when it is asked for bytes, and does it wrong now and then.
 struct Endless {
@@ -130,8 +112,7 @@ impl UsbDevice for Endless {
     fn stop_iso(&mut self) {}
 }
 
-#[test]
-fn a_long_stream_with_faults_allocates_nothing_and_adds_up() {
+fn main() {
     let frames_sent = std::sync::Arc::new(AtomicUsize::new(0));
     let depth = (0..1200).map(|i| 500 + i).collect();
     let sys = Endless { sequence: 0, depth, random: 1, frames_sent: frames_sent.clone() };

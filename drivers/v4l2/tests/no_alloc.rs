@@ -1,4 +1,4 @@
-//! Nothing is allocated once a camera runs: counted, over a thousand frames with metadata and colour, on the scripted kernel.
+//! Nothing is allocated once a camera runs: counted over a thousand frames, straightened for a lens, on the scripted kernel (without metadata or colour).
 //!
 //! A program of its own, without a harness: its allocator counts the whole process. The scripted kernel allocates where Linux would not; what it takes is counted
 //! apart, by a flag that it raises while it works.
