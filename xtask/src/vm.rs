@@ -61,6 +61,7 @@ fn prepare() -> Result<()> {
 /// Builds the tests in `which` files and lets cargo run them in the guest.
 fn test(which: &[&str], filter: &[&str]) -> Result<()> {
     prepare()?;
+    Cmd::new("cargo").args(["build", "-p", "isobath-cli", "--features", "live"]).run()?;
     let runner = std::env::current_exe()?;
     let runner = runner.to_str().context("the path of this program is no text")?;
     let runner = format!("target.x86_64-unknown-linux-gnu.runner = ['{runner}', 'vm', '--run']");

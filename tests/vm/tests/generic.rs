@@ -17,6 +17,7 @@ use isobath_vm::guest::{
 };
 use isobath_vm::pattern;
 use isobath_vm::profiles::generic::Generic;
+use isobath_vm::profiles::orbbec::gemini_336;
 use isobath_vm::usb::{Plugged, Speed};
 use isobath_vm::uvc::{Fault, Transport};
 use isobath_vm::watch::{Seen, next, numbers, until_frames};
@@ -254,3 +255,23 @@ fn without_permission_it_is_said_how_to_get_it() {
 
 /// The variable that tells this program to open a camera as a user who may not.
 const AS_NOBODY: &str = "ISOBATH_VM_OPEN_AS_NOBODY";
+
+/// An Orbbec camera says its unit, which its user may change; its pinhole comes from the caller.
+#[test]
+fn an_orbbec_says_its_unit() {
+    camera_modules();
+    let (device, unit) = gemini_336("orbbec", Speed::Super);
+    let _camera = Plugged::new(device).unwrap();
+    let node = first_video_node("orbbec");
+    for millimetres in [0.5, 0.1] {
+        *unit.lock().unwrap() = millimetres;
+        let mut options = OpenOptions { size: Some((640, 480)), ..OpenOptions::default() };
+        let [fx, fy, cx, cy] = PINHOLE.map(Some);
+        (options.set.fx, options.set.fy, options.set.cx, options.set.cy) = (fx, fy, cx, cy);
+        let mut source = isobath_v4l2::open(&node, &options).unwrap();
+        let mut frame = OwnedFrame::new();
+        assert!(matches!(next(&mut *source, &mut frame, Duration::from_secs(2)), Seen::Frame(Some(_))));
+        assert!((frame.unit.metres() - millimetres * 1e-3).abs() < 1e-9, "{:?}", frame.unit);
+        assert!(source.info().kind.contains("Gemini 336"), "{}", source.info().kind);
+    }
+}
