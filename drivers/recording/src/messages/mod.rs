@@ -3,10 +3,10 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`ros`] | ROS 2's CDR and ROS 1's own packing: the same fields in the same order, packed differently |
-//! | [`foxglove`] | Foxglove's schemas in protobuf and in JSON |
-//! | [`write`] | ROS 2 messages written, and their definitions, without which no reader knows the fields |
-//! | [`pixels`] | from the bytes of an image to depth, colour, confidence |
+//! | `ros` | ROS 2's CDR and ROS 1's own packing: the same fields in the same order, packed differently |
+//! | `foxglove` | Foxglove's schemas in protobuf and in JSON |
+//! | `write` | ROS 2 messages written, and their definitions, without which no reader knows the fields |
+//! | `pixels` | from the bytes of an image to depth, colour, confidence |
 //!
 //! All are pure functions of bytes. None panics; none allocates more than a small multiple of the bytes it was given, or of an image
 //! of [`MAX_PIXELS`](crate::parse::MAX_PIXELS). Errors are [`ParseError`]s. Sources: the `.msg` files of `common_interfaces` and
