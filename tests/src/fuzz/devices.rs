@@ -170,7 +170,7 @@ pub fn iio(data: &[u8]) {
         for index in 0..17 {
             let value = kind.value(data.get(*at..).unwrap_or_default(), index);
             if let Some(value) = value.filter(|_| kind.bits < 64) {
-                let range = 1_i64 << (kind.bits - u8::from(kind.signed));
+                let (value, range) = (i128::from(value), 1_i128 << (kind.bits - u8::from(kind.signed)));
                 assert!(value < range && value >= if kind.signed { -range } else { 0 });
             }
         }

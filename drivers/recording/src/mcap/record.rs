@@ -80,8 +80,71 @@ pub(super) fn read(input: &mut Input, at: u64, wanted: u8, out: &mut Vec<u8>) ->
     }
 }
 
+/// What of a record's body is not read yet.
+struct Rest<'a>(&'a [u8]);
+
+impl<'a> Rest<'a> {
+    fn take(&mut self, n: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(n)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    /// Text, a map, or a list: four bytes of length, and so many bytes.
+    fn counted(&mut self) -> Option<&'a [u8]> {
+        let len = self.take(4)?.first_chunk().copied().map(u32::from_le_bytes)?;
+        self.take(usize::try_from(len).ok()?)
+    }
+
+    fn map(&mut self) -> Option<()> {
+        let mut pairs = Rest(self.counted()?);
+        while !pairs.0.is_empty() {
+            pairs.counted()?;
+        }
+        Some(())
+    }
+}
+
+/// Whether the texts and maps of a record end within its body. The mcap crate makes room for as many bytes as a text says it has (4 GiB at most) before it
+/// looks whether they are there.
+pub(super) fn is_sound(opcode: u8, body: &[u8]) -> bool {
+    // Bytes before, texts; and then a map, or a list and a text behind eight bytes.
+    let (before, texts) = match opcode {
+        op::HEADER => (0, 2),
+        op::SCHEMA => (2, 2),
+        op::CHANNEL => (4, 2),
+        op::CHUNK => (28, 1),
+        op::CHUNK_INDEX => (32, 0),
+        op::ATTACHMENT_INDEX => (40, 2),
+        op::METADATA => (0, 1),
+        op::METADATA_INDEX => (16, 1),
+        _ => return true,
+    };
+    let mut rest = Rest(body);
+    let fits = |rest: &mut Rest<'_>| {
+        rest.take(before)?;
+        for _ in 0..texts {
+            rest.counted()?;
+        }
+        match opcode {
+            op::CHANNEL | op::METADATA => rest.map(),
+            op::CHUNK_INDEX => {
+                rest.counted()?;
+                rest.take(8)?;
+                rest.counted().map(|_| ())
+            }
+            _ => Some(()),
+        }
+    };
+    fits(&mut rest).is_some()
+}
+
 /// Parses a record's body. (Attachments, of any size and of no interest here, are never given to it.)
 pub(super) fn parse<'a>(input: &Input, opcode: u8, body: &'a [u8]) -> Result<Record<'a>, SourceError> {
+    if !is_sound(opcode, body) {
+        let what = format!("a record of kind {opcode:#04x} says that it holds more than it does");
+        return Err(input.broken(what, DAMAGED));
+    }
     mcap::parse_record(opcode, body)
         .map_err(|e| input.broken(format!("a record of kind {opcode:#04x} can't be read: {e}"), DAMAGED))
 }
