@@ -22,6 +22,11 @@ use isobath_usb::bulk::{Bulk, CLASS, wanted};
 use isobath_usb::link::Options;
 use isobath_usb::sys::{Address, DeviceInfo, Interface, IsoLayout, Request, UsbDevice, UsbError, UsbSys};
 
+/// All that is allocated counts.
+fn counts() -> bool {
+    true
+}
+
 /// A device that writes its next message when it is asked for bytes, and does it wrong now and then.
 struct Endless {
     sequence: u32,

@@ -5,48 +5,22 @@
 
 #![allow(unsafe_code, reason = "a counting global allocator can't be written without")]
 
+#[path = "../../source/tests/common/counting.rs"]
+mod counting;
 mod kernel;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use counting::ALLOCATIONS;
 use isobath_source::{BackPressure, Deadline, DepthSource, Outcome, OwnedFrame};
 use isobath_v4l2::{OpenOptions, open_with};
 use kernel::{Kernel, NodeScript};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-fn count() {
-    if !kernel::WORKING.load(Ordering::SeqCst) {
-        ALLOCATIONS.fetch_add(1, Ordering::SeqCst);
-    }
+/// What the scripted kernel takes does not count.
+fn counts() -> bool {
+    !kernel::WORKING.load(Ordering::SeqCst)
 }
-
-// SAFETY: every call goes on to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller keeps the contract of `realloc`.
-        unsafe { System.realloc(at, layout, size) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 fn main() {
     for policy in [BackPressure::Latest, BackPressure::Queue(4), BackPressure::Every] {
