@@ -2,6 +2,8 @@
 //!
 //! Coverage becomes the distance to the nearest uncovered pixel along rows and columns (chamfer distance, two passes in place), in parts of the seam's width.
 
+use crate::ground::lanes::LANES;
+
 /// Fades coverage over `seam` pixels within the rows `rows` of a picture, around which there is none; columns close to a ring, and beyond the
 /// poles there is nothing to fade towards.
 pub(super) fn fade(picture: &mut [[u8; 4]], width: usize, rows: (usize, usize), seam: u8) {
@@ -61,17 +63,15 @@ fn along(row: &mut [[u8; 4]], step: u8, seam: u8) {
     }
     let turn = usize::from(seam).min(row.len());
     let (mut held, last) = (row.last().map_or(0, |p| p[3]), row.len().saturating_sub(turn));
-    row.chunks_mut(EIGHT).for_each(|eight| held = one_way(eight, false, held, step));
+    row.chunks_mut(LANES).for_each(|eight| held = one_way(eight, false, held, step));
     one_way(row.get_mut(..turn).unwrap_or_default(), false, held, step);
     let mut held = row.first().map_or(0, |p| p[3]);
-    row.rchunks_mut(EIGHT).for_each(|eight| held = one_way(eight, true, held, step));
+    row.rchunks_mut(LANES).for_each(|eight| held = one_way(eight, true, held, step));
     one_way(row.get_mut(last..).unwrap_or_default(), true, held, step);
 }
 
-/// Pixels that are passed over at once where there is no border.
-const EIGHT: usize = 8;
-
-/// No more than one step above the pixel before, of which the first's is `held`; the last one's coverage.
+/// No more than one step above the pixel before, of which the first's is `held`; the last one's coverage. Pixels without a border among them are
+/// passed over at once.
 #[inline(always)]
 fn one_way(pixels: &mut [[u8; 4]], backwards: bool, held: u8, step: u8) -> u8 {
     let (all, any) = pixels.iter().fold((255, 0), |(all, any), p| (all & p[3], any | p[3]));
