@@ -222,12 +222,8 @@ impl Recording for FileRecording {
         self.next
     }
 
-    fn seek(&mut self, index: usize) -> Result<(), SourceError> {
-        if index > self.entries.len() {
-            return Err(SourceError::OutOfRange { asked: index, len: self.entries.len() });
-        }
+    fn set_position(&mut self, index: usize) {
         self.next = index;
-        Ok(())
     }
 }
 

@@ -549,12 +549,8 @@ impl Recording for MessageRecording {
         self.next
     }
 
-    fn seek(&mut self, index: usize) -> Result<(), SourceError> {
-        if index > self.len() {
-            return Err(SourceError::OutOfRange { asked: index, len: self.len() });
-        }
+    fn set_position(&mut self, index: usize) {
         self.next = index;
-        Ok(())
     }
 }
 

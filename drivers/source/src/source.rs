@@ -121,7 +121,17 @@ pub trait Recording: DepthSource {
     ///
     /// # Errors
     /// [`SourceError::OutOfRange`] beyond the end; the position is kept.
-    fn seek(&mut self, index: usize) -> Result<(), SourceError>;
+    fn seek(&mut self, index: usize) -> Result<(), SourceError> {
+        let len = self.len();
+        if index > len {
+            return Err(SourceError::OutOfRange { asked: index, len });
+        }
+        self.set_position(index);
+        Ok(())
+    }
+
+    /// What [`Self::seek`] does once `index` is known to be at most [`Self::len`].
+    fn set_position(&mut self, index: usize);
 }
 
 /// A source behind a pointer is a source.

@@ -166,11 +166,7 @@ impl Recording for SimSource {
         self.next
     }
 
-    fn seek(&mut self, index: usize) -> Result<(), SourceError> {
-        if index > self.len() {
-            return Err(SourceError::OutOfRange { asked: index, len: self.len() });
-        }
+    fn set_position(&mut self, index: usize) {
         self.next = index;
-        Ok(())
     }
 }
