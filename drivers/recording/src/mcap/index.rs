@@ -112,8 +112,8 @@ fn by_summary(input: &mut Input) -> Option<Contents> {
     Some(Contents { kind: kind(&profile(input)), channels: channels.list, metadata, notes: Vec::new() })
 }
 
-/// Whether the summary's records [hold what they say](is_sound): the crate's reader is given no others.
-fn summary_is_sound(input: &mut Input) -> Option<bool> {
+/// `None` unless the summary's records [hold what they say](is_sound): the crate's reader is given no others.
+fn sound_summary(input: &mut Input) -> Option<()> {
     // The last record, of 20 bytes, and the magic.
     const TAIL: u64 = HEAD + 20 + super::MAGIC.len() as u64;
     let (mut body, footer) = (Vec::new(), input.size.checked_sub(TAIL)?);
@@ -121,22 +121,18 @@ fn summary_is_sound(input: &mut Input) -> Option<bool> {
     let mut at = u64::from_le_bytes(*body.first_chunk()?);
     while at != 0 && at < footer {
         let (opcode, len) = head(input, at).ok()??;
-        if len > MAX_CHUNK {
-            return Some(false);
-        }
+        // Longer than a chunk may be is refused.
         input.read(at + HEAD, len, &mut body).ok()?;
         if !is_sound(opcode, &body) {
-            return Some(false);
+            return None;
         }
         at = at.checked_add(HEAD)?.checked_add(len)?;
     }
-    Some(true)
+    Some(())
 }
 
 fn summary(input: &mut Input) -> Option<mcap::Summary> {
-    if !summary_is_sound(input)? {
-        return None;
-    }
+    sound_summary(input)?;
     let options =
         SummaryReaderOptions::default().with_file_size(input.size).with_record_length_limit(MAX_CHUNK as usize);
     let mut reader = SummaryReader::new_with_options(options);
