@@ -124,11 +124,13 @@ impl<'a> Over<'a> {
                 }
                 shines
             };
-            FarMap::<COLUMNS, ROWS>::eights(columns, width, behind, needed, |eight, mut light| {
-                for (light, over) in light.iter_mut().zip(over.get()) {
-                    *light = lay(over, *light);
+            FarMap::<COLUMNS, ROWS>::eights(columns, width, behind, needed, |eight, [r, g, b]| {
+                let mut lit = [[0.0; 3]; LANES];
+                let light = r.0.iter().zip(&g.0).zip(&b.0);
+                for ((lit, over), ((r, g), b)) in lit.iter_mut().zip(over.get()).zip(light) {
+                    *lit = lay(over, [*r, *g, *b]);
                 }
-                put(to, start, eight, light.map(C::of_linear));
+                put(to, start, eight, lit.map(C::of_linear));
             });
             return;
         }
@@ -151,12 +153,14 @@ impl<'a> Over<'a> {
             }
             shines
         };
-        FarMap::<COLUMNS, ROWS>::eights(columns, width, behind, needed, |eight, mut light| {
-            for (light, [r, g, b, cover]) in light.iter_mut().zip(over.get()) {
-                let (rest, [fr, fg, fb]) = (1.0 - cover, *light);
-                *light = [r + rest * fr, g + rest * fg, b + rest * fb];
+        FarMap::<COLUMNS, ROWS>::eights(columns, width, behind, needed, |eight, [fr, fg, fb]| {
+            let mut lit = [[0.0; 3]; LANES];
+            let light = fr.0.iter().zip(&fg.0).zip(&fb.0);
+            for ((lit, [r, g, b, cover]), ((fr, fg), fb)) in lit.iter_mut().zip(over.get()).zip(light) {
+                let rest = 1.0 - cover;
+                *lit = [r + rest * fr, g + rest * fg, b + rest * fb];
             }
-            put(to, start, eight, light.map(C::of_linear));
+            put(to, start, eight, lit.map(C::of_linear));
         });
     }
 

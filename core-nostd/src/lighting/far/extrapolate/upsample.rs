@@ -40,7 +40,13 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
                 width,
                 || self.blended(y, height),
                 |_| true,
-                |eight, light| put(to, 0, eight, light.map(C::of_linear)),
+                |eight, [r, g, b]| {
+                    let mut lit = [[0.0; 3]; LANES];
+                    for (lit, ((r, g), b)) in lit.iter_mut().zip(r.0.iter().zip(&g.0).zip(&b.0)) {
+                        *lit = [*r, *g, *b];
+                    }
+                    put(to, 0, eight, lit.map(C::of_linear));
+                },
             );
         }
     }
@@ -92,7 +98,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         width: usize,
         row: impl FnMut() -> Blended<COLUMNS>,
         needed: impl FnMut(Eight) -> bool,
-        tell: impl FnMut(Eight, [[f32; 3]; LANES]),
+        tell: impl FnMut(Eight, [Lanes; 3]),
     ) {
         // Where each column of the grid is 8, 4 or 2 pixels, weights are the same in all eights; which is code for nothing where eight numbers are not computed at
         // once.
@@ -110,7 +116,7 @@ impl<const COLUMNS: usize, const ROWS: usize> FarMap<COLUMNS, ROWS> {
         columns: Range<usize>,
         mut row: impl FnMut() -> Blended<COLUMNS>,
         mut needed: impl FnMut(Eight) -> bool,
-        mut tell: impl FnMut(Eight, [[f32; 3]; LANES]),
+        mut tell: impl FnMut(Eight, [Lanes; 3]),
         between: impl Between<COLUMNS>,
     ) {
         let mut blended = None;
@@ -148,7 +154,7 @@ impl Eight {
 /// How pixels lie between columns of the grid.
 trait Between<const COLUMNS: usize> {
     /// The light of the eight pixels from `first` on.
-    fn light(&self, row: &Blended<COLUMNS>, first: usize) -> [[f32; 3]; LANES];
+    fn light(&self, row: &Blended<COLUMNS>, first: usize) -> [Lanes; 3];
 }
 
 /// Each column of the grid is `EACH` pixels: for each of eight of them, the weights of the column itself and two on either side.
@@ -174,10 +180,10 @@ impl<const EACH: usize> Steady<EACH> {
 
 impl<const EACH: usize, const COLUMNS: usize> Between<COLUMNS> for Steady<EACH> {
     #[inline(always)]
-    fn light(&self, row: &Blended<COLUMNS>, first: usize) -> [[f32; 3]; LANES] {
+    fn light(&self, row: &Blended<COLUMNS>, first: usize) -> [Lanes; 3] {
         // Up to four columns, and two on either side.
         let column = first / EACH;
-        let [r, g, b] = row.0.each_ref().map(|plane| {
+        row.0.each_ref().map(|plane| {
             let eight = column.checked_sub(2).and_then(|from| plane.get(from..)?.first_chunk::<LANES>()).copied();
             let eight = eight.unwrap_or_else(|| {
                 let from = column + COLUMNS.saturating_sub(2);
@@ -192,22 +198,18 @@ impl<const EACH: usize, const COLUMNS: usize> Between<COLUMNS> for Steady<EACH> 
             };
             let [a, b, c, d, e] = self.0;
             (near(0) * a + near(1) * b + near(2) * c + near(3) * d + near(4) * e).max(Lanes::ZERO)
-        });
-        let mut light = [[0.0; 3]; LANES];
-        for (light, ((r, g), b)) in light.iter_mut().zip(r.0.iter().zip(&g.0).zip(&b.0)) {
-            *light = [*r, *g, *b];
-        }
-        light
+        })
     }
 }
 
 /// Any width: pixel by pixel.
 impl<const COLUMNS: usize> Between<COLUMNS> for usize {
     #[inline(always)]
-    fn light(&self, row: &Blended<COLUMNS>, first: usize) -> [[f32; 3]; LANES] {
-        let mut light = [[0.0; 3]; LANES];
-        for (x, light) in (first..).zip(&mut light) {
-            *light = row.at(x, *self);
+    fn light(&self, row: &Blended<COLUMNS>, first: usize) -> [Lanes; 3] {
+        let mut light = [Lanes::ZERO; 3];
+        let [reds, greens, blues] = &mut light;
+        for (x, ((r, g), b)) in (first..).zip(reds.0.iter_mut().zip(&mut greens.0).zip(&mut blues.0)) {
+            [*r, *g, *b] = row.at(x, *self);
         }
         light
     }
